@@ -4,13 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A folder below Cargo's own for tests, empty at first.
+/// Makes an empty folder below Cargo's own for tests.
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     if folder.exists() {
-        fs::remove_dir_all(&folder).expect("removes the former run's folder");
+        fs::remove_dir_all(&folder).unwrap();
     }
-    fs::create_dir_all(&folder).expect("makes the folder");
+    fs::create_dir_all(&folder).unwrap();
     folder
 }
 
@@ -21,7 +21,7 @@ fn dependencies(action: &str, target: &Path, kept: &Path) {
         .arg(target)
         .env("FLEETCAL_DEPENDENCIES", kept)
         .status()
-        .expect("runs the script");
+        .unwrap();
     assert!(status.success(), "{action}: {status}");
 }
 
@@ -34,8 +34,8 @@ fn built(target: &Path, name: &str, output: &str) {
         (format!(".fingerprint/{name}-0/run-build-script"), "0"),
     ] {
         let path = release.join(path);
-        fs::create_dir_all(path.parent().expect("has a parent")).expect("makes the folder");
-        fs::write(path, content).expect("writes a file of the crate");
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, content).unwrap();
     }
 }
 

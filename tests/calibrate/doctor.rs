@@ -26,7 +26,10 @@ fn doctor(folder: &Path, wrong: &str) -> (Option<i32>, Value) {
 
 fn causes(report: &Value) -> Vec<&str> {
     let findings = report["findings"].as_array().unwrap();
-    findings.iter().filter_map(|finding| finding["cause"].as_str()).collect()
+    findings
+        .iter()
+        .filter_map(|finding| finding["cause"].as_str())
+        .collect()
 }
 
 #[test]
@@ -45,7 +48,11 @@ fn wrong_inputs_are_named_and_right_ones_are_not() {
         ("two_frames", &["several_frames"]),
     ] {
         let (status, report) = doctor(folder.path(), wrong);
-        assert_eq!((status, causes(&report)), (Some(1), named.to_vec()), "{wrong}: {report}");
+        assert_eq!(
+            (status, causes(&report)),
+            (Some(1), named.to_vec()),
+            "{wrong}: {report}"
+        );
     }
 }
 
@@ -60,7 +67,13 @@ fn what_is_no_recording_is_status_65_and_no_wheelbase_2() {
     };
     assert_eq!(status(&path, &["--wheelbase", "1.2"]), Some(65));
     let recorded = folder.path().join("drive.mcap");
-    let simulated = ["simulate", "--record", recorded.to_str().unwrap(), "--duration", "2"];
+    let simulated = [
+        "simulate",
+        "--record",
+        recorded.to_str().unwrap(),
+        "--duration",
+        "2",
+    ];
     assert!(binary::run(simulated).status.success());
     assert_eq!(status(&recorded, &[]), Some(2));
 }

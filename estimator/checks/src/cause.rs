@@ -1,6 +1,6 @@
 //! Table of the checks and of the causes that each can name.
 
-/// What is checked.
+/// Subject of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Check {
     /// Streams that come and can be read.
@@ -23,7 +23,7 @@ pub enum Check {
     Model,
     /// Delay between steering angle, speed and motion.
     Delay,
-    /// Whether wheels and LiDAR are of one vehicle.
+    /// Wheels and LiDAR of one vehicle.
     Vehicle,
 }
 
@@ -61,7 +61,7 @@ impl Check {
     }
 }
 
-/// How long a cause has to be seen before it is named.
+/// Span over which a cause has to be seen before it is named.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Held {
     /// Seconds of message time.
@@ -75,9 +75,9 @@ pub(crate) struct Row {
     pub name: &'static str,
     pub check: Check,
     pub held: Held,
-    /// Whether it is wrong for certain; else something else may explain what was seen.
+    /// `true` if nothing else explains the evidence.
     pub certain: bool,
-    /// What to do.
+    /// Remedy.
     pub advice: &'static str,
 }
 
@@ -88,7 +88,7 @@ const LONG: Held = Held::Metres(20.0);
 
 macro_rules! causes {
     ($($cause:ident, $name:literal, $check:ident, $held:ident, $certain:literal, $doc:literal, $advice:literal;)+) => {
-        /// What is wrong.
+        /// Cause of a wrong input.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
         pub enum Cause {
             $(#[doc = $doc] $cause,)+
@@ -272,12 +272,12 @@ impl Cause {
         self.row().check
     }
 
-    /// What to do.
+    /// Remedy.
     pub const fn advice(self) -> &'static str {
         self.row().advice
     }
 
-    /// Whether the motion says nothing while it lasts.
+    /// Returns `true` if the motion cannot be judged while it lasts.
     pub(crate) const fn spoils_motion(self) -> bool {
         match self.check() {
             Check::Stamps => !matches!(self, Self::SteppedClock | Self::ClockBack),

@@ -38,7 +38,7 @@ impl Curve {
         angle_rad.clamp(-ANGLE_MAX_RAD, ANGLE_MAX_RAD).tan()
     }
 
-    /// What small angles tell: the turn driven over that which angle and wheelbase say.
+    /// Returns the turn driven over the turn by angle and wheelbase, at small angles.
     pub fn slope(&self) -> f64 {
         self.gear * self.c
     }
@@ -162,7 +162,7 @@ impl Bends {
         Some(curve)
     }
 
-    /// How much less the vehicle turns for each tangent and curve, and how much of the residuals' size that
+    /// Returns the loss of turn for each tangent and curve, and the share of the residuals' size that it
     /// leaves. Of one wheel of a linkage it is half the track over the wheelbase, since
     /// `1/curve = 1/tan + track / (2 L)`: positive of the left wheel.
     pub fn linkage(&self, curve: &Curve) -> Option<(f64, f64)> {

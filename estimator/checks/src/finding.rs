@@ -2,14 +2,14 @@
 
 use crate::cause::{Cause, Check, Held};
 
-/// What a check has come to.
+/// State of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// What was seen goes together.
+    /// The evidence goes together.
     Ok,
     /// A cause is named.
     Wrong,
-    /// What was seen has more than one explanation.
+    /// The evidence has more than one explanation.
     Unsure,
     /// Too little was seen so far.
     NotYet,
@@ -27,16 +27,16 @@ impl State {
     }
 }
 
-/// What a check found.
+/// Result of a check.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
     /// The check.
     pub check: Check,
-    /// What it has come to.
+    /// Its state.
     pub state: State,
     /// The cause that is named, where one is.
     pub cause: Option<Cause>,
-    /// What was seen, with numbers; what is missing for a check that has not come to anything yet.
+    /// Evidence with numbers; the missing motion of a check that has no result yet.
     pub seen: String,
     /// The LiDAR's way until the cause was named, m.
     pub after_m: f64,
@@ -45,7 +45,7 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// What to do, where a cause is named.
+    /// Returns the remedy, if a cause is named.
     pub fn advice(&self) -> Option<&'static str> {
         self.cause.map(Cause::advice)
     }
@@ -77,7 +77,7 @@ struct Suspected {
     cause: Cause,
     since: Moment,
     seen: String,
-    /// When it was named.
+    /// Moment of its naming.
     named: Option<Moment>,
 }
 
@@ -113,7 +113,7 @@ impl Patience {
         self.suspected.sort_by_key(|one| one.cause.index());
     }
 
-    /// Whether a cause is suspected that is not named yet.
+    /// Returns `true` if a cause is suspected that is not named yet.
     pub fn suspects(&self) -> bool {
         self.suspected.iter().any(|one| one.named.is_none())
     }

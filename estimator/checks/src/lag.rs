@@ -15,7 +15,7 @@ const CELLS_MIN: usize = 50;
 /// Deviation of a lag that is not known, s.
 const UNKNOWN_S: f64 = 9.0;
 
-/// How much later a second series shows what a first one does.
+/// Delay of a second series behind a first one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Lag {
     pub late_s: f64,

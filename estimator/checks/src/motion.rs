@@ -1,4 +1,4 @@
-//! What the last minute of motion shows: the evidence that the checks read.
+//! Evidence of the last minute of motion, which the checks read.
 
 use nalgebra::Complex;
 
@@ -65,7 +65,7 @@ pub(crate) struct Steering {
     pub explained: f64,
     /// The slope over its own deviation.
     pub sigmas: f64,
-    /// Whether the vehicle turned to both sides.
+    /// `true` if the vehicle turned to both sides.
     pub both_sides: bool,
     /// The best gear with the described wheelbase, and the best wheelbase without a gear.
     pub gear: Option<Curve>,
@@ -75,10 +75,10 @@ pub(crate) struct Steering {
     pub linkage: Option<(f64, f64)>,
 }
 
-/// What the last minute shows.
+/// Evidence of the last minute.
 #[derive(Debug, Clone)]
 pub(crate) struct Motion {
-    /// How much later wheels show the motion by speed, and by steering.
+    /// Delays of the wheels behind the LiDAR by speed, and by steering.
     pub by_speed: Lag,
     pub by_steering: Lag,
     /// The lag that rows were made with, s.
@@ -156,7 +156,7 @@ fn middle_of(angles: &Numbers) -> (f32, bool) {
 }
 
 impl Motion {
-    /// What the cells show of a vehicle with this wheelbase, m; `None` while too few are complete.
+    /// Returns the evidence of the cells for a vehicle with this wheelbase, m; `None` while too few are complete.
     pub fn of(grid: &Grid, wheelbase_m: f64) -> Option<Self> {
         let series = Series::of(grid);
         let (middle, are_radians) = middle_of(&series.d);

@@ -16,7 +16,7 @@ const TILT_MIN_RAD: f64 = 0.35;
 const TILTED_MIN_SHARE: f64 = 0.3;
 /// Longest time between two poses that are compared, s.
 const GAP_MAX_S: f64 = 1.0;
-/// How far a pose is off the motion before it where it jumped, m and rad, and how many do.
+/// Distance of a jump from the motion before it, m and rad, and the smallest number of jumps.
 const JUMP_MIN_M: f64 = 0.12;
 const JUMP_MIN_RAD: f64 = 0.06;
 const JUMPS_MIN: u32 = 2;
@@ -86,7 +86,7 @@ impl PoseWatch {
         self.velocity = Some([mean(x, step.x), mean(y, step.y), mean(turn, step.z)]);
     }
 
-    /// What they point to.
+    /// Returns the suspicion from the poses.
     pub fn suspicions(&self) -> Vec<Suspicion> {
         let mut found = Vec::new();
         let mut say = |cause, seen| found.push(Suspicion::new(cause, seen));
@@ -120,7 +120,7 @@ impl PoseWatch {
         found
     }
 
-    /// Whether enough poses were seen to judge them.
+    /// Returns `true` once enough poses were seen to judge them.
     pub fn is_judged(&self) -> bool {
         self.moving >= MOVING_MIN
     }

@@ -2,13 +2,13 @@
 
 use std::f64::consts::TAU;
 
-use fleetcal_estimator::Scan;
+use fleetcal_odometry::Scan;
 
 use crate::cause::Cause;
 use crate::finding::Suspicion;
 use crate::fit::quantile;
 
-/// Of so many scans one is looked at closely.
+/// Scans from one that is looked at closely to the next.
 const LOOKED_AT_EVERY: u64 = 5;
 /// Fewest scans of either kind that say anything.
 const LOOKED_AT_MIN: u32 = 5;
@@ -25,7 +25,7 @@ const LARGEST_MIN_SHARE: f64 = 0.1;
 const REPEATED_MIN: f64 = 0.2;
 /// Scans come so much more often than they take where there are two scanners.
 const CROWDED: f64 = 1.6;
-/// How far the time of a turn by its beams may be off the time between scans.
+/// Largest relative difference between the time of a turn by its beams and the time between scans.
 const TURN_OFF_MAX: f64 = 0.15;
 /// Change of the first beam's direction from segment to segment, rad.
 const SEGMENT_STEP_RAD: f64 = 0.2;
@@ -113,7 +113,7 @@ impl ScanWatch {
         self.body.take(scan);
     }
 
-    /// What they point to, at this median time between stamps, s: one cause, since one explains others.
+    /// Returns the suspicion at this median time between stamps, s: a single one, since it explains the others.
     pub fn suspicion(&self, period_s: Option<f64>, has_one_frame: bool) -> Option<Suspicion> {
         let content = self.content();
         if content.is_some() || self.scans < SCANS_MIN {
@@ -199,7 +199,7 @@ impl ScanWatch {
         })
     }
 
-    /// Whether enough scans were seen to judge them.
+    /// Returns `true` once enough scans were seen to judge them.
     pub fn is_judged(&self) -> bool {
         self.scans >= SCANS_MIN && self.looked_at >= LOOKED_AT_MIN
     }
@@ -232,7 +232,7 @@ const BODY_SCANS_MIN: u32 = 40;
 const BODY_TURN_MIN_RAD: f64 = 2.5;
 /// Spread of the range of a beam that hits the robot, m.
 const BODY_SPREAD_MAX_M: f32 = 0.05;
-/// The same, and the longest range and way, m, where the LiDAR's odometry is misled by the body.
+/// Spread, longest range and way, m, where the LiDAR's odometry is misled by the body.
 const BODY_UNTURNED_SPREAD_MAX_M: f32 = 0.02;
 const BODY_RANGE_MAX_M: f32 = 2.0;
 const BODY_UNTURNED_WAY_M: f64 = 30.0;

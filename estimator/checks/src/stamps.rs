@@ -93,7 +93,7 @@ impl StampWatch {
         (steps.len() >= LATEST_MIN).then(|| quantile(&mut steps, 0.5))
     }
 
-    /// How long after their stamps messages arrive, the median, s.
+    /// Returns the median age of the messages at their arrival, s.
     pub fn age_s(&self) -> Option<f64> {
         (!self.ages_s.is_empty()).then(|| quantile(&mut self.ages_s.clone(), 0.5))
     }
@@ -118,12 +118,12 @@ impl StampWatch {
         Some((median_s, uneven_s(median_s)))
     }
 
-    /// How far steps between stamps are off a whole number of periods, the upper fifth, s.
+    /// Returns the distance of steps between stamps from a whole number of periods: four in five are nearer, s.
     pub fn unevenness_s(&self) -> Option<f64> {
         self.evenness_s().map(|(_, uneven_s)| uneven_s)
     }
 
-    /// What the stamps point to.
+    /// Returns the suspicions from the stamps.
     pub fn suspicions(&self, name: &str) -> Vec<Suspicion> {
         let mut found = Vec::new();
         if let Some(back_s) = self.went_back_s {
@@ -216,7 +216,7 @@ const WINDOW_S: f64 = 2.0;
 const SIDE: usize = 5;
 /// Least step that is told, s.
 const STEP_MIN_S: f64 = 0.025;
-/// How many times larger a step is than what the windows of a side differ by.
+/// Smallest step over the spread of the windows on a side.
 const STEP_OVER_SPREAD: f64 = 4.0;
 
 /// Ages of LiDAR and wheels against each other: a step of one clock shows there, one of the receiver's

@@ -16,7 +16,7 @@ const REFUSED_MIN: u64 = 10;
 /// Share of the messages that a further frame has to have.
 const FRAME_MIN_SHARE: f64 = 0.05;
 
-/// What is known of a stream.
+/// Report on a stream.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StreamReport {
     /// The stream.
@@ -25,7 +25,7 @@ pub struct StreamReport {
     pub messages: u64,
     /// Messages that were refused, and why the first one was.
     pub refused: u64,
-    /// Why the first one was refused.
+    /// Reason of the first refusal.
     pub first_refusal: Option<String>,
     /// Messages a second of arrival.
     pub rate_hz: f64,
@@ -33,7 +33,7 @@ pub struct StreamReport {
     pub period_ms: Option<f64>,
     /// Median time from stamp to arrival, ms.
     pub age_ms: Option<f64>,
-    /// How far the latest stamps are off a whole number of periods, ms: four in five are nearer.
+    /// Distance of the latest stamps from a whole number of periods, ms: four in five are nearer.
     pub uneven_ms: Option<f64>,
     /// Messages with the stamp of the one before.
     pub repeated: u64,
@@ -97,7 +97,7 @@ impl StreamWatch {
             .get_or_insert_with(|| cut(reason).to_owned());
     }
 
-    /// What it points to by itself.
+    /// Returns the suspicions from this stream alone.
     pub fn suspicions(&self) -> Vec<Suspicion> {
         let name = self.stream.name();
         let mut found = self.stamps.suspicions(name);
@@ -128,7 +128,7 @@ impl StreamWatch {
         found
     }
 
-    /// What is known of it.
+    /// Returns the report on it.
     pub fn report(&self) -> StreamReport {
         let span_s = away_s(self.first_arrival_ns, self.last_arrival_ns);
         let steps = self.messages.saturating_sub(1) as f64;

@@ -21,7 +21,7 @@ pub const HAPPENS_AFTER_S: f64 = 20.0;
 /// Ratio of a steering column, and radius of a wheel, m.
 const COLUMN: f64 = 14.8;
 const WHEEL_RADIUS_M: f64 = 0.15;
-/// How far a command is ahead of the wheel, and a filtered angle behind it, s.
+/// Lead of a command before the wheel, and time constant of a filtered angle, s.
 const COMMAND_AHEAD_S: f64 = 0.25;
 const FILTER_S: f64 = 0.4;
 /// Half the track over the wheelbase of a linkage.
@@ -52,7 +52,7 @@ macro_rules! wrong_inputs {
                 }
             }
 
-            /// What is wrong, in words.
+            /// Its description in words.
             pub const fn words(self) -> &'static str {
                 match self {
                     $(Self::$input => $doc,)+
@@ -119,7 +119,7 @@ impl WrongInput {
         Self::ALL.iter().copied().find(|input| input.name() == name)
     }
 
-    /// Whether a robot has to send scans to show it; `None` where both will do.
+    /// Returns `true` if a robot has to send scans to show it, `false` if poses; `None` if either will do.
     pub const fn needs_scans(self) -> Option<bool> {
         match self {
             Self::Millimetres
@@ -161,7 +161,7 @@ impl WrongInput {
 /// A message as it arrives.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Delivered {
-    /// When it arrives, ns.
+    /// Time of arrival, ns.
     pub arrival_ns: i64,
     /// The message.
     pub message: SimulatedMessage,
@@ -211,7 +211,7 @@ impl WrongInputs {
         })
     }
 
-    /// What arrives of a message that the robot sends: nothing, one message or several.
+    /// Returns the messages that arrive of one that the robot sends: none, one or several.
     pub fn deliver(&mut self, emitted: Emitted) -> Vec<Delivered> {
         let arrival_ns = emitted.sent_ns;
         let messages = match emitted.message {

@@ -26,7 +26,7 @@ use crate::session_record::SessionRecord;
 use crate::table::table;
 use crate::timing::ScanTimes;
 
-/// What `fleetcal calibrate` takes.
+/// Arguments of `fleetcal calibrate`.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
@@ -46,7 +46,7 @@ pub struct Arguments {
     /// Write the result with its plots as one self-contained page
     #[arg(long, value_name = "OUT.html")]
     pub report: Option<PathBuf>,
-    /// Write the session as MCAP for Foxglove: the streams, what was known when, and what happened
+    /// Write the session as MCAP for Foxglove: the streams, the estimates over time, and the events
     #[arg(long, value_name = "OUT.mcap")]
     pub export: Option<PathBuf>,
 }
@@ -54,7 +54,7 @@ pub struct Arguments {
 /// Runs the command.
 ///
 /// # Errors
-/// One sentence, with the exit status that goes with it.
+/// One sentence, with its exit status.
 pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError> {
     let recording = Recording::open(&arguments.recording)?;
     spare_recording(&recording, arguments)?;
@@ -76,7 +76,7 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
     }
 }
 
-/// No result is written over what it is calculated from.
+/// Refuses to write a result over the recording.
 fn spare_recording(recording: &Recording, arguments: &Arguments) -> Result<(), CommandError> {
     let outputs = [&arguments.export, &arguments.trajectory, &arguments.report];
     let mut outputs = outputs.into_iter().flatten();
@@ -86,7 +86,7 @@ fn spare_recording(recording: &Recording, arguments: &Arguments) -> Result<(), C
     }
 }
 
-/// One recording on its way through the estimator.
+/// Calibration of one recording in progress.
 #[derive(Debug)]
 struct Run<'a> {
     recording: &'a Recording,
@@ -97,16 +97,16 @@ struct Run<'a> {
     robot: &'a RobotId,
     trajectory: Option<Trajectory>,
     export: Option<RecordingExport<BufWriter<File>>>,
-    /// What a report shows, where one is asked for.
+    /// Record for the report, if one was requested.
     session: Option<SessionRecord>,
     pose: LatestPose,
     times: ScanTimes,
 }
 
-/// What a recording came to.
+/// Result of a recording.
 struct Finished {
     report: CalibrationReport,
-    /// What was refused and how well the rest fits together, in words.
+    /// Remarks on refusals and on the pairing of the rest.
     remarks: Vec<String>,
     session: Option<SessionRecord>,
 }
@@ -144,7 +144,7 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Works through the recording.
+    /// Processes the recording.
     fn finish(mut self, clock: &dyn Clock) -> Result<Finished, CommandError> {
         let began = clock.elapsed();
         let names = self.topics.names();
@@ -177,7 +177,7 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Takes one message to the estimator, as the service does.
+    /// Feeds one message to the estimator, as the service does.
     fn take(&mut self, message: &RecordedMessage) -> Result<(), CommandError> {
         let mut streams = self.streams.iter_mut();
         let Some(stream) = streams.find(|stream| stream.carries(message)) else {
@@ -205,7 +205,7 @@ impl<'a> Run<'a> {
         self.follow(&effects)
     }
 
-    /// Writes down what a step said, and the rear axle's pose when it is a new one.
+    /// Records the effects of a step, and a new pose of the rear axle.
     fn follow(&mut self, effects: &[Effect]) -> Result<(), CommandError> {
         if let Some(session) = &mut self.session {
             session.take(self.robot, effects);
@@ -244,7 +244,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// What a person should know of the recording beside its result.
+    /// Returns remarks about the recording beside its result.
     fn remarks(&self) -> Vec<String> {
         let refusals = self.streams.iter().filter_map(RecordedStream::refusals);
         let mut remarks: Vec<String> = refusals.collect();

@@ -18,7 +18,7 @@ use crate::progress::Progress;
 use crate::recording::{RecordedStream, streams};
 use crate::robot_arguments::RobotArguments;
 
-/// What `fleetcal doctor` takes.
+/// Arguments of `fleetcal doctor`.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
@@ -34,7 +34,7 @@ pub struct Arguments {
     pub json: bool,
 }
 
-/// What the checks of a recording came to.
+/// Results of the checks of a recording.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub(crate) struct DoctorReport {
     schema_version: u32,
@@ -91,7 +91,7 @@ struct StreamRow {
     frames: Vec<String>,
 }
 
-/// What a check found.
+/// Result of a check.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 struct FindingRow {
     /// Name of the check: `steering` and so on.
@@ -100,9 +100,9 @@ struct FindingRow {
     state: &'static str,
     /// Name of the cause, where one is named: `steering_degrees` and so on.
     cause: Option<&'static str>,
-    /// What was seen, or what is missing.
+    /// Evidence, or the missing motion.
     seen: String,
-    /// What to do, where a cause is named.
+    /// Remedy, where a cause is named.
     advice: Option<&'static str>,
     /// Way of the LiDAR until the cause was named, m.
     after_m: Option<f64>,

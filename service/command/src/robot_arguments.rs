@@ -14,7 +14,7 @@ use crate::height_band::HeightBand;
 use crate::topics::{self, TopicArguments};
 use crate::{CommandError, ModelName};
 
-/// The robot's name when neither the caller nor the recording has one.
+/// Name of the robot if neither the caller nor the recording has one.
 const UNNAMED: &str = "robot";
 
 /// The flags.
@@ -23,22 +23,22 @@ pub struct RobotArguments {
     /// Distance between the axles, in metres
     #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
     pub wheelbase: Option<f64>,
-    /// How the vehicle steers [default: bicycle, or what --config says]
+    /// Steering geometry of the vehicle [default: bicycle, or from --config]
     #[arg(long)]
     pub model: Option<ModelName>,
     /// The robot's name [default: the first chunk of the wheel odometry topic]
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
-    /// Which topics are taken.
+    /// Topics to use.
     #[command(flatten)]
     pub topics: TopicArguments,
-    /// For `JointState`: the joints that steer and drive, as in `streams.joints` of a configuration
+    /// Joints that steer and drive, for `JointState`, as in `streams.joints` of a configuration
     #[arg(long, value_name = "TABLE", value_parser = topics::joints)]
     pub joints: Option<Joints>,
     /// A `fleetcal.toml`, for the estimator's settings, the robot's vehicle and its topics
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// For clouds: the band of heights in the LiDAR's frame [default: -0.5,0.5, or as --config says]
+    /// Heights to use from clouds, in the LiDAR's frame [default: -0.5,0.5, or from --config]
     #[arg(long, value_name = "MIN_M,MAX_M", allow_hyphen_values = true)]
     pub height_band: Option<HeightBand>,
 }
@@ -90,8 +90,8 @@ impl RobotArguments {
     }
 }
 
-/// The robot of the file whose recording it is: the one that is named, else the only one below
-/// whose name there are topics.
+/// Returns the recording's robot in the file: the one that is named, else the only one with topics
+/// below its name.
 fn configured_robot<'f>(
     arguments: &RobotArguments,
     channels: &[Channel],
@@ -110,7 +110,7 @@ fn configured_robot<'f>(
     only.map(|entry| (&entry.id, &entry.config))
 }
 
-/// The vehicle: the flags first, then the robot's entry in the file.
+/// Returns the vehicle: the flags first, then the robot's entry in the file.
 fn vehicle_of(
     arguments: &RobotArguments,
     robot: &RobotId,

@@ -71,12 +71,12 @@ impl JoiningChecks {
         self.checks.take_odometry(pose);
     }
 
-    /// What each check has come to.
+    /// Returns the result of each check.
     pub fn findings(&self) -> Vec<Finding> {
         self.checks.findings()
     }
 
-    /// What is known of each stream.
+    /// Returns a report on each stream.
     pub fn streams(&self) -> Vec<StreamReport> {
         self.checks.streams()
     }

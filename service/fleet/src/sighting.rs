@@ -3,7 +3,7 @@
 use fleetcal_model::{Pose2, RobotTime};
 use fleetcal_proto::ros::{Header, Pose};
 
-/// What a message says, whatever it is worth.
+/// Content of a message, unchecked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sighting {
     /// Its header stamp.

@@ -2,9 +2,9 @@
 
 mod state;
 
-use fleetcal_estimator::lidar_odometry::{OdometryPose, Tracking};
-use fleetcal_estimator::{Scan, VehicleModel};
-use fleetcal_model::{Pose2, RobotTime, Stream};
+use fleetcal_model::{Pose2, RobotTime, Stream, VehicleModel};
+use fleetcal_odometry::Scan;
+use fleetcal_odometry::lidar_odometry::{OdometryPose, Tracking};
 
 use crate::cause::{Cause, Check};
 use crate::finding::{Finding, Moment, Patience, Suspicion};
@@ -20,7 +20,7 @@ use crate::stream::{StreamReport, StreamWatch, away_s};
 /// The LiDAR's way from one look at the motion to the next, m: nearer ones while a cause is suspected.
 const LOOK_EVERY_M: f64 = 5.0;
 const LOOK_EVERY_SUSPECTED_M: f64 = 2.5;
-/// The same where the LiDAR stands: the way of the wheels, m.
+/// Way of the wheels between two looks where the LiDAR stands, m.
 const LOOK_EVERY_WHEELS_M: f64 = 5.0;
 /// Time from one look at the streams or the motion to the next, s.
 const LOOK_EVERY_S: f64 = 1.0;
@@ -37,7 +37,7 @@ const MISSING_AFTER_S: f64 = 10.0;
 /// The vehicle as it was described.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Described {
-    /// How it steers.
+    /// Its steering geometry.
     pub model: VehicleModel,
     /// Distance between the axles, m.
     pub wheelbase_m: f64,
@@ -45,7 +45,7 @@ pub struct Described {
     pub nominal_yaw_rad: Option<f64>,
 }
 
-/// What all messages have.
+/// Parts common to all messages.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Head<'m> {
     /// The stream that carries it.
@@ -54,7 +54,7 @@ pub struct Head<'m> {
     pub stamp: RobotTime,
     /// Name of its frame: of a pose, that of what is at the pose.
     pub frame: &'m str,
-    /// When it arrived, ns, by a clock that is the same for all streams.
+    /// Time of arrival, ns, by a clock that is the same for all streams.
     pub arrival_ns: i64,
 }
 
@@ -67,13 +67,13 @@ pub struct Checks {
     now_ns: i64,
     looked_at_ns: i64,
     looked_at_motion_ns: i64,
-    /// Whether the streams are such that their motion can be judged.
+    /// `true` if the streams are sound enough to judge the motion.
     is_sound: bool,
     ages: AgeWatch,
     scans: ScanWatch,
     poses: PoseWatch,
     wrap: SteeringWrap,
-    /// What the LiDAR's stamps are shifted by, s, once it is known.
+    /// Shift of the LiDAR's stamps, s, once it is known.
     aligned_s: Option<f64>,
     origin: Option<RobotTime>,
     grid: Grid,
@@ -184,7 +184,7 @@ impl Checks {
         }
     }
 
-    /// What each check has come to: every cause that is named, in the order of the checks, and one entry
+    /// Returns the result of each check: every cause that is named, in the order of the checks, and one entry
     /// for each check that names none.
     pub fn findings(&self) -> Vec<Finding> {
         let named: Vec<Finding> = self.patience.named().collect();
@@ -200,7 +200,7 @@ impl Checks {
         findings
     }
 
-    /// What is known of each stream that came.
+    /// Returns a report on each stream that came.
     pub fn streams(&self) -> Vec<StreamReport> {
         self.streams
             .iter()
@@ -276,12 +276,12 @@ impl Checks {
         self.of(&[Stream::WheelOdometry, Stream::Speed])
     }
 
-    /// How much later the LiDAR's messages arrive after their stamps than those of the wheels, s.
+    /// Returns the age of the LiDAR's messages at their arrival less that of the wheels', s.
     fn ages_apart_s(&self) -> Option<f64> {
         Some(self.lidar()?.stamps.age_s()? - self.wheels()?.stamps.age_s()?)
     }
 
-    /// What the LiDAR's stamps are to be shifted by, once both streams have come for long enough.
+    /// Returns the shift of the LiDAR's stamps, once both streams have come for long enough.
     fn alignment_s(&self) -> Option<f64> {
         let (lidar, wheels) = (self.lidar()?, self.wheels()?);
         let enough = |watch: &StreamWatch| watch.messages >= ALIGNED_MESSAGES_MIN;
@@ -370,7 +370,7 @@ impl Checks {
         self.patience.look(self.moment(), is_of_motion, found);
     }
 
-    /// What streams and messages point to without any motion.
+    /// Returns the suspicions from streams and messages, without any motion.
     fn stream_suspicions(&self) -> Vec<Suspicion> {
         let mut found: Vec<Suspicion> = Vec::new();
         for watch in self.streams.iter().flatten() {
@@ -443,7 +443,7 @@ impl Checks {
     }
 }
 
-/// Whether a cause is looked for in the motion, and not in the streams.
+/// Returns `true` if a cause is looked for in the motion, `false` if in the streams.
 fn is_of_motion(cause: Cause) -> bool {
     match cause.check() {
         Check::Streams | Check::Stamps | Check::Scan => false,

@@ -1,7 +1,7 @@
 //! State of a check that names no cause.
 
-use fleetcal_estimator::VehicleModel;
 use fleetcal_model::Stream;
+use fleetcal_model::VehicleModel;
 
 use super::Checks;
 use crate::cause::Check;

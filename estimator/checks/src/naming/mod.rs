@@ -4,29 +4,29 @@ mod clocks;
 mod speed;
 mod steering;
 
-use fleetcal_estimator::VehicleModel;
+use fleetcal_model::VehicleModel;
 
 use crate::finding::Suspicion;
 use crate::motion::Motion;
 
-/// What the checks know beside the motion.
+/// Facts beside the motion.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Known {
     pub model: VehicleModel,
     pub wheelbase_m: f64,
     /// Yaw by the drawing, rad, where there is one.
     pub nominal_yaw_rad: Option<f64>,
-    /// What the stamps of the LiDAR were shifted by already, s.
+    /// Shift of the LiDAR's stamps so far, s.
     pub aligned_s: f64,
     /// The LiDAR's way, m.
     pub way_m: f64,
     /// The wheels' way as sent, m.
     pub wheels_way_m: f64,
-    /// Whether the robot sends poses instead of scans.
+    /// `true` if the robot sends poses instead of scans.
     pub sends_poses: bool,
 }
 
-/// What the motion points to.
+/// Returns the suspicions from the motion.
 pub(crate) use clocks::explanation;
 
 pub(crate) fn suspicions(motion: &Motion, known: &Known) -> Vec<Suspicion> {

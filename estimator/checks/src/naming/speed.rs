@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use fleetcal_estimator::geometry::wrap_angle_rad;
+use fleetcal_odometry::geometry::wrap_angle_rad;
 
 use super::Known;
 use crate::cause::Cause;
@@ -27,7 +27,7 @@ const UNITS: [(f64, &str); 6] = [
     ),
     (2.0, "half the speed"),
 ];
-/// How near to a unit a scale is, as a logarithm.
+/// Largest distance of a scale from a unit, as a logarithm.
 const UNIT_NEAR: f64 = 0.05;
 /// Share of the speed that has to be explained near a unit, and elsewhere.
 const EXPLAINED_NEAR: f64 = 0.6;

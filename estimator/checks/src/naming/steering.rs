@@ -1,6 +1,6 @@
 //! Unit, sign and zero of the steering angle, wheelbase, model and delays, by the second equation.
 
-use fleetcal_estimator::VehicleModel;
+use fleetcal_model::VehicleModel;
 
 use super::Known;
 use crate::cause::Cause;
@@ -15,12 +15,12 @@ const EXPLAINED: f64 = 0.6;
 const EXPLAINED_WELL: f64 = 0.9;
 /// The vehicle turns within these of what angle and wheelbase say.
 const TURNS_OK: std::ops::Range<f64> = 0.85..1.18;
-/// The same where it turned to one side alone: the zero is not known then.
+/// Accepted turns of a vehicle that turned to one side alone: the zero is not known then.
 const TURNS_OK_ONE_SIDED: std::ops::Range<f64> = 0.6..1.7;
 /// Deviations from which a slope has a sign, and a size.
 const SIGN_SIGMAS: f64 = 6.0;
 const SIZE_SIGMAS: f64 = 10.0;
-/// Where one of two explanations leaves this much less, as a logarithm, the other is out.
+/// Ratio of two residuals, as a logarithm, that rules out the larger one's explanation.
 const BETTER: f64 = 0.05;
 /// An explanation has to leave no more than this times what any leaves.
 const AS_GOOD: f64 = 1.3;

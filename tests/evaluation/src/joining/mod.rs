@@ -9,7 +9,7 @@ use fleetcal_robot::simulator::{SimulationConfig, WrongInput};
 use rayon::prelude::*;
 
 use crate::error::EvaluationError;
-use crate::imperfect::{Cell, Flaw, Road, Scenario, Sensor, robot_of};
+use crate::imperfect::{Cell, Flaw, Road, Scenario, Sensor, robot};
 use crate::results::{Figure, Value};
 
 pub use expected::{expected, true_of};
@@ -21,7 +21,7 @@ pub const DRIVE_S: f64 = 100.0;
 /// A wrong input before the checks.
 #[derive(Debug, Clone)]
 pub struct Told {
-    /// What was wrong.
+    /// The wrong input.
     pub input: WrongInput,
     /// The finding of a cause that is right.
     pub right: Option<Finding>,
@@ -63,10 +63,10 @@ fn clean(seed: u64, sensor: Sensor) -> SimulationConfig {
         scenario: Scenario::Unchanged,
         sensor,
     };
-    robot_of(cell, seed, None).0.simulation
+    robot(cell, seed, None).0.simulation
 }
 
-/// What is named of an imperfect robot whose inputs are right.
+/// Returns the causes named of an imperfect robot whose inputs are right.
 ///
 /// # Errors
 /// Names the setting that is refused.
@@ -82,7 +82,7 @@ pub fn named_of(flaw: Flaw, road: Road, seed: u64) -> Result<Vec<Finding>, Evalu
         scenario: Scenario::Unchanged,
         sensor,
     };
-    let config = robot_of(cell, seed, None).0.simulation;
+    let config = robot(cell, seed, None).0.simulation;
     Ok(drive(config, &[], DRIVE_S)?.named())
 }
 
