@@ -254,11 +254,11 @@ causes! {
         "The LiDAR looks backwards, or the signs of speed and steering are both wrong.",
         "Enter the LiDAR's nominal yaw where it is mounted backwards; else turn both signs.";
     LidarMisled, "lidar_misled", Vehicle, LONG, false,
-        "The LiDAR's odometry does not turn.",
+        "LiDAR odometry is misled.",
         "Level the LiDAR, which may see the floor, and drive where it sees walls.";
-    OtherVehicle, "other_vehicle", Vehicle, LONG, true,
-        "Wheels and LiDAR are of two vehicles.",
-        "Check that both topics are of the same robot.";
+    OtherVehicle, "other_vehicle", Vehicle, LONG, false,
+        "Wheels and LiDAR do not move together.",
+        "Check that both topics are of the same robot, and that the LiDAR is level and sees walls.";
 }
 
 impl Cause {

@@ -31,6 +31,8 @@ const ALIGNED_MESSAGES_MIN: u64 = 10;
 const ALIGN_MIN_S: f64 = 1.0;
 /// Longest time between two poses that say how the LiDAR moved, s.
 const MOTION_GAP_MAX_S: f64 = 1.0;
+/// Way over which a loss of LiDAR odometry may show in the motion, m.
+const LOST_OF_LATE_M: f64 = 60.0;
 /// Wait for a stream that does not come, s.
 const MISSING_AFTER_S: f64 = 10.0;
 
@@ -78,6 +80,8 @@ pub struct Checks {
     origin: Option<RobotTime>,
     grid: Grid,
     last_pose: Option<(RobotTime, Pose2)>,
+    /// Way at which LiDAR odometry lost its way last, m.
+    lost_at_m: Option<f64>,
     way_m: f64,
     wheels_way_m: f64,
     last_speed: Option<(RobotTime, f64)>,
@@ -106,6 +110,7 @@ impl Checks {
             origin: None,
             grid: Grid::default(),
             last_pose: None,
+            lost_at_m: None,
             way_m: 0.0,
             wheels_way_m: 0.0,
             last_speed: None,
@@ -304,8 +309,11 @@ impl Checks {
     }
 
     fn lose_motion(&mut self) {
-        if let Some((stamp, _)) = self.last_pose.take()
-            && let Some(aligned_s) = self.aligned_s
+        let Some((stamp, _)) = self.last_pose.take() else {
+            return;
+        };
+        self.lost_at_m = Some(self.way_m);
+        if let Some(aligned_s) = self.aligned_s
             && let Some(time_s) = self.grid_time_s(stamp.plus_seconds(aligned_s))
         {
             self.grid.lose_motion(None, time_s);
@@ -363,6 +371,9 @@ impl Checks {
             aligned_s: self.aligned_s.unwrap_or_default(),
             way_m: self.way_m,
             wheels_way_m: self.wheels_way_m,
+            lost_its_way: self
+                .lost_at_m
+                .is_some_and(|at_m| self.way_m - at_m < LOST_OF_LATE_M),
             sends_poses: self.of(&[Stream::LidarOdometry]).is_some(),
         };
         let found = naming::suspicions(&motion, &known);

@@ -77,9 +77,15 @@ pub(super) fn are_of_two(motion: &Motion, known: &Known, found: &mut Vec<Suspici
     if known.way_m < OTHER_WAY_MIN_M || most > DISAGREES || !varies {
         return false;
     }
-    if motion.turn_radps < TURN_MIN_RADPS && motion.angle_width_rad > STEERED_MIN_RAD {
-        let seen = "the LiDAR seems not to turn while the wheels steer".to_owned();
-        found.push(Suspicion::new(Cause::LidarMisled, seen));
+    let stays_straight =
+        motion.turn_radps < TURN_MIN_RADPS && motion.angle_width_rad > STEERED_MIN_RAD;
+    if stays_straight || known.lost_its_way {
+        let seen = if stays_straight {
+            "the LiDAR seems not to turn while the wheels steer"
+        } else {
+            "LiDAR odometry loses its way, and does not go with the wheels"
+        };
+        found.push(Suspicion::new(Cause::LidarMisled, seen.to_owned()));
         return true;
     }
     let seen = format!(

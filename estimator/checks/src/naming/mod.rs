@@ -22,6 +22,8 @@ pub(crate) struct Known {
     pub way_m: f64,
     /// The wheels' way as sent, m.
     pub wheels_way_m: f64,
+    /// `true` if LiDAR odometry lost its way of late.
+    pub lost_its_way: bool,
     /// `true` if the robot sends poses instead of scans.
     pub sends_poses: bool,
 }

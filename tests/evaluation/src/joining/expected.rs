@@ -63,7 +63,9 @@ pub const fn true_of(flaw: Flaw) -> &'static [Cause] {
     match flaw {
         Flaw::One(ImperfectionKind::SteeringLag, Strength::Strong) => &[Cause::Command],
         Flaw::One(ImperfectionKind::SteeringDelay, Strength::Strong) => &[Cause::AngleLate],
-        Flaw::One(ImperfectionKind::Tilt, Strength::Strong) => &[Cause::LidarMisled],
+        Flaw::One(ImperfectionKind::Tilt, Strength::Strong) => {
+            &[Cause::LidarMisled, Cause::OtherVehicle]
+        }
         _ => &[],
     }
 }
