@@ -66,7 +66,7 @@ fn a_simulated_recording_is_calibrated_to_its_truth() {
         let apart = (folded - parameter.sigma).abs();
         assert!(
             apart <= 1e-9 * parameter.sigma,
-            "{name}: {terms:?} of {parameter:?}"
+            "{name:?}: {terms:?} of {parameter:?}"
         );
     }
 }
