@@ -13,10 +13,10 @@ out=target/packages
 SOURCE_DATE_EPOCH="$(git log -1 --format=%ct)"
 export SOURCE_DATE_EPOCH
 stage=target/packages.stage
-tools=target/packages.tools
 binary="$built/$target/release/fleetcal"
 export CC_x86_64_unknown_linux_musl=musl-gcc
-export PATH="$PWD/$tools/bin:$PATH"
+# shellcheck source=packaging/cargo_tool.sh
+. packaging/cargo_tool.sh
 
 fail() {
   echo "$1" >&2
@@ -34,14 +34,6 @@ system_package() {
   fi
 }
 
-# Tools are compiled once, into a folder of their own, without the long optimisation at link time.
-cargo_tool() {
-  local crate="$1" version="$2"
-  shift 2
-  CARGO_PROFILE_RELEASE_LTO=off CARGO_PROFILE_RELEASE_CODEGEN_UNITS=16 \
-    cargo install --locked --quiet --root "$tools" --target-dir "$tools/build" "$@" "$crate@$version"
-}
-
 readable() {
   [ -f "$1" ] || fail "$1 is missing: install the package $2, then run make release again."
 }
@@ -56,7 +48,6 @@ install_tools() {
   readable /usr/share/doc/musl/copyright musl
   cargo_tool cargo-deb 3.8.0
   cargo_tool cargo-about 0.9.3 --features cli
-  cargo_tool cargo-cyclonedx 0.5.9
 }
 
 build() {
@@ -132,25 +123,6 @@ container() {
   rm -rf "$context"
 }
 
-bills_of_materials() {
-  cargo cyclonedx --manifest-path service/Cargo.toml --format json --target "$target" \
-    --override-filename fleetcal.packaging.cdx
-  # Crates of the workspace are named by the folder it is in: a path of the machine that built it.
-  SOURCE_ROOT="$PWD" python3 - service/fleetcal.packaging.cdx.json >"$out/fleetcal-$version.cdx.json" <<'PYTHON'
-import json, os, sys, time
-text = open(sys.argv[1]).read().replace("file://" + os.environ["SOURCE_ROOT"], "file:///fleetcal")
-bill = json.loads(text)
-at = time.gmtime(int(os.environ["SOURCE_DATE_EPOCH"]))
-bill["metadata"]["timestamp"] = time.strftime("%Y-%m-%dT%H:%M:%SZ", at)
-json.dump(bill, sys.stdout, indent=2)
-PYTHON
-  rm service/fleetcal.packaging.cdx.json
-  # It writes one beside each member of the workspace.
-  find . -name fleetcal.packaging.cdx.json -not -path './target/*' -delete
-  # Tools of the build are in it, marked `cdx:npm:package:development`.
-  npm --prefix web sbom --package-lock-only --sbom-format cyclonedx >"$out/fleetcal-dashboard-$version.cdx.json"
-}
-
 install_tools
 build
 gather
@@ -158,7 +130,7 @@ archive
 debian_package 1 "$out/fleetcal_$version-1_amd64.deb"
 # A later revision of the same, for the test of an upgrade; it is not published.
 debian_package 2 "$stage/fleetcal_$version-2_amd64.deb" --fast
-bills_of_materials
+packaging/sbom.sh "$out"
 container
 cd "$out"
 sha256sum -- fleetcal* >SHA256SUMS

@@ -8,7 +8,7 @@ use fleetcal_proto::calibration::{CalibrationDocument, CalibrationValues};
 use fleetcal_tests::binary;
 use tempfile::TempDir;
 
-use crate::service::{approved, key, offset_rad};
+use crate::agent::service::{approved, key, offset_rad};
 
 pub struct Robot {
     folder: TempDir,

@@ -36,10 +36,11 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// The crates, lowest first.
-pub const CRATES: [Member; 25] = [
+pub const CRATES: [Member; 26] = [
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-proto", "proto", "model"),
-    member("fleetcal-estimator", "estimator", "model"),
+    member("fleetcal-odometry", "odometry", "model"),
+    member("fleetcal-estimator", "estimator", "model odometry"),
     member("fleetcal-robot", "robot", "model proto"),
     member("fleetcal-clock", "service/clock", "model"),
     member("fleetcal-limits", "service/limits", "model"),

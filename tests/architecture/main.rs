@@ -69,12 +69,12 @@ fn assert_only(package: &str, allowed: &[&str]) {
 }
 
 #[test]
-fn the_estimator_is_pure() {
-    assert_only(
-        "fleetcal-estimator",
-        // `utoipa` describes settings in OpenAPI, and only where the HTTP API asks for it.
-        &["fleetcal-model", "nalgebra", "serde", "thiserror", "utoipa"],
-    );
+fn odometry_and_estimator_are_pure() {
+    // `utoipa` describes settings in OpenAPI, and only where the HTTP API asks for it.
+    let odometrys = ["fleetcal-model", "nalgebra", "serde", "thiserror", "utoipa"];
+    assert_only("fleetcal-odometry", &odometrys);
+    let estimators = [&odometrys[..], &["fleetcal-odometry"]].concat();
+    assert_only("fleetcal-estimator", &estimators);
 }
 
 #[test]
@@ -106,7 +106,12 @@ fn what_travels_knows_no_transport() {
 #[test]
 fn the_robots_side_knows_neither_service_nor_estimator() {
     let found = dependencies("fleetcal-robot");
-    for stranger in ["fleetcal", "fleetcal-estimator", "axum"] {
+    for stranger in [
+        "fleetcal",
+        "fleetcal-odometry",
+        "fleetcal-estimator",
+        "axum",
+    ] {
         assert!(
             !found.contains(stranger),
             "fleetcal-robot must not depend on {stranger}"
@@ -260,6 +265,7 @@ fn one_module_knows_each_outside_world_within_a_crate() {
 #[test]
 fn pure_crates_touch_no_outside_world() {
     for folder in [
+        "odometry",
         "estimator",
         "proto",
         "proto/model",
@@ -305,7 +311,9 @@ fn files_say_what_they_hold_and_stay_readable() {
 
 /// The texts that people read, by their paths from the root.
 fn documents() -> std::collections::BTreeMap<PathBuf, documents::Document> {
-    let mut paths: Vec<PathBuf> = ["estimator/README.md"].map(PathBuf::from).into();
+    let mut paths: Vec<PathBuf> = ["odometry/README.md", "estimator/README.md"]
+        .map(PathBuf::from)
+        .into();
     for folder in ["", "docs"] {
         for entry in fs::read_dir(root().join(folder)).unwrap() {
             let path = entry.unwrap().path();
@@ -356,7 +364,14 @@ fn no_document_but_a_generated_one_names_a_commit() {
 fn the_sources_that_architecture_names_are_there() {
     let named = &documents()[Path::new("ARCHITECTURE.md")].sources;
     assert!(named.len() > 20, "{named:?}");
-    let folders = ["proto", "estimator", "robot", "service", "tests"];
+    let folders = [
+        "proto",
+        "odometry",
+        "estimator",
+        "robot",
+        "service",
+        "tests",
+    ];
     let sources: Vec<PathBuf> = folders
         .iter()
         .flat_map(|folder| sources(&root().join(folder)))
@@ -378,6 +393,7 @@ fn nobody_has_to_decode_a_word() {
     files.extend(
         [
             "proto",
+            "odometry",
             "estimator",
             "robot",
             "service",

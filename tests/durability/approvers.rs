@@ -16,8 +16,8 @@ use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_store::{Expected, ProposalFilter, Store, StoreError};
 
-use crate::place::Place;
-use crate::records;
+use crate::durability::place::Place;
+use crate::durability::records;
 
 /// Proposals that two approve at once.
 const PROPOSALS: usize = 1_000;

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use fleetcal_tests::service::{self, Service};
 
-use crate::injected::{Faults, Robots, SYNC, can_inject, settle};
+use crate::durability::injected::{Faults, Robots, SYNC, can_inject, settle};
 
 /// Writes of a run that meets no fault.
 const WRITES: usize = 40;

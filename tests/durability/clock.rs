@@ -8,7 +8,7 @@ use fleetcal_tests::service::{Service, wait_for};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::lifecycle::{Fleet, received};
+use crate::durability::lifecycle::{Fleet, received};
 
 /// Robots that drive meanwhile, and for how long, s.
 const ROBOTS: usize = 2;

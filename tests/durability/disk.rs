@@ -7,7 +7,7 @@ use std::path::Path;
 use rand::Rng;
 use rand::rngs::StdRng;
 
-use crate::trace::Event;
+use crate::durability::trace::Event;
 
 /// A change of a file that may not have reached the disk.
 #[derive(Debug, Clone)]

@@ -15,7 +15,7 @@ use fleetcal_tests::service::{self, Service, wait_for};
 use serde_json::json;
 use sqlx::{ConnectOptions, Connection};
 
-use crate::small_disk::SmallDisk;
+use crate::durability::small_disk::SmallDisk;
 
 /// Writing has to work again so soon after the last fault.
 const RECOVERS_WITHIN: Duration = Duration::from_secs(5);

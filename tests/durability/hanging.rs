@@ -6,7 +6,7 @@ use fleetcal_tests::service::{self, Service};
 use serde_json::json;
 use sqlx::{ConnectOptions, Connection};
 
-use crate::injected::{Faults, Robots, SYNC, can_inject, settle};
+use crate::durability::injected::{Faults, Robots, SYNC, can_inject, settle};
 
 /// A write is answered within this, whatever the database does.
 const ANSWERED_WITHIN: Duration = Duration::from_secs(5);

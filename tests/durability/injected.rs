@@ -9,7 +9,7 @@ use fleetcal_tests::service::{self, Service, wait_for};
 use serde_json::json;
 use tempfile::TempDir;
 
-use crate::trace;
+use crate::durability::trace;
 
 /// Writing has to work again so soon after the last fault.
 const RECOVERS_WITHIN: Duration = Duration::from_secs(5);

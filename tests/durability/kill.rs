@@ -8,9 +8,9 @@ use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use tempfile::TempDir;
 
-use crate::place::Place;
-use crate::said::Said;
-use crate::witness::Witness;
+use crate::durability::place::Place;
+use crate::durability::said::Said;
+use crate::durability::witness::Witness;
 
 /// Rounds that the suite takes; `KILL_ROUNDS` asks for another number.
 const ROUNDS: u64 = 300;

@@ -12,7 +12,7 @@ use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use tempfile::TempDir;
 
-use crate::seeds::campaign;
+use crate::durability::seeds::campaign;
 
 /// Rounds that the suite takes of each; `HARDENING_N` asks for another number.
 const ROUNDS: u64 = 3;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use fleetcal_tests::service::{Service, wait_for};
 
-use crate::lifecycle::{Fleet, received};
+use crate::durability::lifecycle::{Fleet, received};
 
 const MEMORY_BYTES: u64 = 256 << 20;
 /// Nominal load, and for how long, s.

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
-use crate::disk::Disk;
-use crate::place::Place;
-use crate::said::Said;
-use crate::trace::{self, Event};
-use crate::witness::{Fault, Witness};
+use crate::durability::disk::Disk;
+use crate::durability::place::Place;
+use crate::durability::said::Said;
+use crate::durability::trace::{self, Event};
+use crate::durability::witness::{Fault, Witness};
 
 /// Disks that are looked at with the settings of the service.
 const IMAGES: usize = 2_000;

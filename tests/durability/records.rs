@@ -8,8 +8,8 @@ use sqlx::postgres::{PgConnection, PgRow};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteRow};
 use sqlx::{Connection, Row as _};
 
-use crate::place::Place;
-use crate::said::Row;
+use crate::durability::place::Place;
+use crate::durability::said::Row;
 
 /// A row of the audit with the record before.
 #[derive(Debug, Clone)]

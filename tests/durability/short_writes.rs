@@ -5,7 +5,7 @@ use std::process::Command;
 
 use fleetcal_tests::service::Service;
 
-use crate::injected::{Robots, settle};
+use crate::durability::injected::{Robots, settle};
 
 /// Robots that are registered.
 const ROBOTS: usize = 15;

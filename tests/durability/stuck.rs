@@ -10,8 +10,8 @@ use fleetcal_tests::http;
 use fleetcal_tests::service::{self, Service, wait_for};
 use sqlx::Connection;
 
-use crate::hanging::locked;
-use crate::injected::{Robots, can_inject, settle};
+use crate::durability::hanging::locked;
+use crate::durability::injected::{Robots, can_inject, settle};
 
 /// A writer is stuck after a minute; it is looked at every few seconds.
 const STUCK_WITHIN: Duration = Duration::from_secs(85);

@@ -8,9 +8,9 @@ use fleetcal_proto::signing::{SigningKey, TrustedKeys};
 use fleetcal_sqlite::Outlives;
 use serde_json::Value;
 
-use crate::place::Place;
-use crate::records::{self, Audited, Records};
-use crate::said::{Effect, Row, Said};
+use crate::durability::place::Place;
+use crate::durability::records::{self, Audited, Records};
+use crate::durability::said::{Effect, Row, Said};
 
 /// What is wrong with a database.
 #[derive(Debug, Clone, PartialEq)]

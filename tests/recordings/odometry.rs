@@ -1,4 +1,4 @@
-//! LiDAR odometry on the scans of two real vehicles. `estimator/benches/recordings.py` prints the
+//! LiDAR odometry on the scans of two real vehicles. `odometry/benches/recordings.py` prints the
 //! same figures.
 
 use fleetcal_estimator::lidar_odometry::{OdometryPose, Tracking};

@@ -3,7 +3,7 @@
 use fleetcal_tests::{binary, recording};
 use tempfile::TempDir;
 
-use crate::recorded::Recorded;
+use crate::recordings::recorded::Recorded;
 
 /// How often what is claimed is looked at, ns.
 const EVERY_NS: u64 = 5_000_000_000;

@@ -6,7 +6,7 @@ use fleetcal_tests::{binary, recording};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::recorded::Recorded;
+use crate::recordings::recorded::Recorded;
 
 const FOUR: [&str; 4] = ["steering_offset", "lidar_x", "lidar_y", "lidar_yaw"];
 /// Blocks lie within so many of their sigmas of what they say together.

@@ -7,7 +7,7 @@ use zenoh::Session;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
-pub use crate::session::{PATIENCE, client, open, with_password};
+pub use crate::zenoh::session::{PATIENCE, client, open, with_password};
 
 /// Time of the first sample, ns.
 const FIRST_NS: i64 = 1_700_000_000_000_000_000;

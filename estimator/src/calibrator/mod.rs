@@ -262,11 +262,17 @@ impl Calibrator {
 
     fn start_session(&mut self, stamp: RobotTime, effects: &mut Vec<Effect>) {
         self.drive.clear();
-        self.waiting.clear();
         self.told = None;
-        self.begin_comparison(Occasion::NewSession);
+        self.come_back(Occasion::NewSession);
         self.session = Session::starting(stamp);
         effects.push(Effect::SessionStarted(stamp));
+    }
+
+    /// The robot may be another one now, in another place: poses and map of before tell nothing of after.
+    fn come_back(&mut self, occasion: Occasion) {
+        self.waiting.clear();
+        self.lidar_odometry.begin_anew();
+        self.begin_comparison(occasion);
     }
 
     fn drop_message(&mut self, dropped: Dropped, effects: &mut Vec<Effect>) {
@@ -297,7 +303,7 @@ impl Calibrator {
         let vehicle = &self.config.vehicle;
         self.session.count_drive(&sample, vehicle, last);
         if last.is_some_and(|last| sample.stamp().seconds_since(last) > NEW_SESSION_GAP_S) {
-            self.begin_comparison(Occasion::NewSession);
+            self.come_back(Occasion::NewSession);
         }
         self.drive.push(sample);
     }
@@ -308,9 +314,7 @@ impl Calibrator {
             NoteKind::PowerOn => Occasion::NewSession,
             NoteKind::Maintenance => return,
         };
-        // Poses of before tell nothing of after.
-        self.waiting.clear();
-        self.begin_comparison(occasion);
+        self.come_back(occasion);
         if self.session.began.is_some() {
             // Nobody should use for another second what holds no more.
             self.tell(effects);

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::estimate::Parameter;
 use crate::geometry::Pose2;
-use crate::settings::{EstimatorSettings, Freedom, Measurement};
+use crate::settings::{EstimatorSettings, Freedom};
 use crate::vehicle::{Vehicle, VehicleModel};
 
 /// What docs/assumptions.md takes for typical: the gain differs by 1 % between left and right,
@@ -70,13 +70,11 @@ impl Prior {
                 sigma[i] = 0.0;
             }
         }
-        if settings.measurement == Measurement::Clone {
-            sigma[SIDE_SLIP] = settings.side_slip_sigma_rad_per_mps2;
-            sigma[STEERING_LAG] = STEERING_LAG_SIGMA_S;
-            sigma[STEERING_SPREAD] = STEERING_SPREAD_SIGMA_S2;
-            sigma[STEERING_PLAY] = STEERING_PLAY_SIGMA_RAD;
-            open_curve(&mut sigma, vehicle, settings);
-        }
+        sigma[SIDE_SLIP] = settings.side_slip_sigma_rad_per_mps2;
+        sigma[STEERING_LAG] = STEERING_LAG_SIGMA_S;
+        sigma[STEERING_SPREAD] = STEERING_SPREAD_SIGMA_S2;
+        sigma[STEERING_PLAY] = STEERING_PLAY_SIGMA_RAD;
+        open_curve(&mut sigma, vehicle, settings);
         Self {
             values,
             covariance: ParameterCovariance::from_diagonal(&sigma.component_mul(&sigma)),
@@ -100,7 +98,6 @@ fn has_curve(vehicle: &Vehicle) -> bool {
 /// linkage is without one.
 fn has_hidden_gain(vehicle: &Vehicle, settings: &EstimatorSettings) -> bool {
     has_curve(vehicle)
-        && settings.measurement == Measurement::Clone
         && settings.freedom(Parameter::SteeringGain) == Freedom::Off
         && settings.freedom(Parameter::Wheelbase) != Freedom::Estimated
 }

@@ -13,6 +13,7 @@ mod task;
 #[cfg(test)]
 mod tests;
 
+use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use fleetcal_model::Generation;
@@ -29,7 +30,7 @@ pub use record::{
     RECORD_DURATION_MAX_S, RecordError, RecordedTruth, RecordedVehicle, TrueSegment, record,
     truth_path,
 };
-pub use robots::{ROBOTS_MAX, SimulatedRobot, TooManyRobots, simulated_robots};
+pub use robots::{ROBOTS_MAX, START_STAMP_S, SimulatedRobot, TooManyRobots, simulated_robots};
 
 use crate::agent::TransitionRefused;
 use crate::connection::Connection;
@@ -49,6 +50,8 @@ pub struct FleetOptions {
     pub trusted: Option<TrustedKeys>,
     /// Wall time now, ns since 1970: what the messages' stamps begin with.
     pub start_stamp_ns: i64,
+    /// Seconds that pass for the robots in one of real time, from 1 on.
+    pub rate: NonZeroU32,
 }
 
 /// What a robot sent.
@@ -110,6 +113,7 @@ pub async fn run_fleet(
     let epoch = task::Epoch {
         instant: Instant::now(),
         stamp_ns: options.start_stamp_ns,
+        rate: options.rate,
     };
     let client = Arc::new(ClientConfig::new(&options.connect)?);
     let stop = shutdown.child_token();

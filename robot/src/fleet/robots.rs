@@ -17,9 +17,9 @@ use crate::simulator::{
 /// Most robots of one simulated fleet.
 pub const ROBOTS_MAX: usize = 500;
 
-/// Where a robot's message time begins unless it is set, ns since 1970: recordings are the same on
+/// Where a robot's message time begins unless it is set, s since 1970: recordings are the same on
 /// every day.
-const START_STAMP_NS: i64 = 1_760_000_000_000_000_000;
+pub const START_STAMP_S: i32 = 1_760_000_000;
 
 /// More robots than one process simulates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
@@ -76,7 +76,7 @@ fn robot(number: usize, seed: u64, world: &Arc<World>) -> Option<SimulatedRobot>
     let nominal = nominal_mount(vehicle.model);
     let config = SimulationConfig {
         seed: random.random(),
-        start_stamp_ns: START_STAMP_NS,
+        start_stamp_ns: i64::from(START_STAMP_S) * 1_000_000_000,
         world: Arc::clone(world),
         people: PeopleSettings {
             count: 3,

@@ -1,6 +1,7 @@
 //! One robot in real time.
 
 use std::collections::VecDeque;
+use std::num::NonZeroU32;
 use std::time::Duration;
 
 use fleetcal_model::{Generation, RobotTime};
@@ -33,11 +34,13 @@ const LATE_MAX: Duration = Duration::from_secs(2);
 pub(super) struct Epoch {
     pub instant: Instant,
     pub stamp_ns: i64,
+    /// Seconds of message time in one of real time.
+    pub rate: NonZeroU32,
 }
 
 impl Epoch {
     fn now(&self) -> RobotTime {
-        RobotTime(self.stamp_ns).plus(self.instant.elapsed())
+        RobotTime(self.stamp_ns).plus(self.instant.elapsed() * self.rate.get())
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::net::TcpListener;
+use std::num::NonZeroU32;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -51,6 +52,7 @@ fn options(count: usize, endpoint: &str) -> FleetOptions {
         keys: Keys::default(),
         trusted: Some(key().public_key().into()),
         start_stamp_ns: START_NS,
+        rate: NonZeroU32::MIN,
     }
 }
 

@@ -8,7 +8,7 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use fleetcal_cluster::{Cluster, Member, Membership};
+use fleetcal_cluster::{Cluster, InstanceId, Member, Membership};
 use fleetcal_domain::limits;
 use fleetcal_store::Store;
 use serde::Serialize;
@@ -73,7 +73,8 @@ pub(super) struct Readiness {
     /// router. The detail also reports that all places of sessions are taken, and the client with
     /// the most.
     zenoh: Check,
-    /// Check that this instance is a member of its cluster; absent for a single service.
+    /// Check that this instance is a member of its cluster; absent for a single service. The detail
+    /// also names the instances that it does not receive over Zenoh.
     #[serde(skip_serializing_if = "Option::is_none")]
     cluster: Option<Check>,
 }
@@ -174,6 +175,13 @@ fn joined(cluster: &Cluster, membership: &Membership) -> Result<(), String> {
     }
 }
 
+/// Instances that this one does not receive, in words.
+fn unheard(membership: &Membership) -> Option<String> {
+    let unheard = own_member(membership)?.hearing.unheard_instances;
+    let names: Vec<_> = unheard.iter().map(InstanceId::as_str).collect();
+    (!names.is_empty()).then(|| format!("not heard over Zenoh: {}", names.join(", ")))
+}
+
 /// Row of this instance.
 fn own_member(membership: &Membership) -> Option<Member> {
     let cluster = membership.cluster()?;
@@ -215,7 +223,11 @@ pub(super) async fn readyz(
     };
     let zenoh = zenoh(&api);
     let cluster = api.membership.cluster();
-    let cluster = cluster.map(|cluster| Check::of(joined(cluster, &api.membership)));
+    let mut cluster = cluster.map(|cluster| Check::of(joined(cluster, &api.membership)));
+    if let Some(check) = cluster.as_mut().filter(|check| check.ok) {
+        // Robots go to whoever hears them: it is ready all the same.
+        check.detail = unheard(&api.membership);
+    }
     let survives_machine_loss = if answers {
         survival(&api.store).await
     } else {

@@ -1,5 +1,6 @@
 //! `fleetcal simulate`: closed-loop simulated robots on the wire, or a recording of one.
 
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -10,7 +11,8 @@ use fleetcal_proto::signing::{PublicKey, TrustedKeys};
 use fleetcal_proto::{KeyRoot, Keys};
 use fleetcal_robot::Connection;
 use fleetcal_robot::fleet::{
-    FleetOptions, RobotSummary, SimulatedRobot, record, run_fleet, simulated_robots, truth_path,
+    FleetOptions, RobotSummary, START_STAMP_S, SimulatedRobot, record, run_fleet, simulated_robots,
+    truth_path,
 };
 use fleetcal_robot::simulator::Imperfections;
 use tokio_util::sync::CancellationToken;
@@ -51,6 +53,24 @@ pub struct Arguments {
         requires = "record"
     )]
     pub duration: f64,
+    /// Stamp that the recording begins with, in whole seconds since 1970: one robot's recordings
+    /// follow one another
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = START_STAMP_S,
+        requires = "record"
+    )]
+    pub start_stamp: i32,
+    /// Turn the robots' LiDARs by so much to the left, in degrees: the same robots after a knock or
+    /// a reassembly
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    pub turn_lidar: f64,
     /// The service's public key, as `GET /api/v1/signing-key` shows it: the robots apply, at once
     /// and in motion, the approved calibration for them; without it they take no calibration; may be
     /// repeated
@@ -59,6 +79,9 @@ pub struct Arguments {
     /// What the robots' faults and the sensors' noise are drawn from
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
+    /// Seconds that pass for the robots in one of real time
+    #[arg(long, value_name = "TIMES", default_value_t = NonZeroU32::MIN, conflicts_with = "record")]
+    pub rate: NonZeroU32,
     /// What the estimator's model does not know of the robots, as examples/imperfections.toml lists
     /// it; a recording's truth names it
     #[arg(long, value_name = "FILE")]
@@ -80,6 +103,10 @@ async fn perform(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     let mut robots = simulated_robots(arguments.robots, arguments.seed)?;
     if let Some(path) = &arguments.imperfections {
         make_imperfect(&mut robots, path)?;
+    }
+    for robot in &mut robots {
+        robot.config.start_stamp_ns = i64::from(arguments.start_stamp) * 1_000_000_000;
+        robot.config.vehicle.lidar_in_base.yaw_rad += arguments.turn_lidar.to_radians();
     }
     if arguments.configuration {
         return print_text(&robots.iter().map(entry).collect::<String>());
@@ -170,6 +197,7 @@ async fn drive(
         keys: Keys::new(arguments.root.clone()),
         trusted,
         start_stamp_ns: clock.now().0,
+        rate: arguments.rate,
     };
     let stop = CancellationToken::new();
     let fleet = run_fleet(options, stop.clone());

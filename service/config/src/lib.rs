@@ -254,7 +254,7 @@ mod tests {
         connect = []
 
         [estimator]
-        measurement = "anchored"
+        anchor_distance_m = 4.0
 
         [[robot]]
         id = "tugger_01"
@@ -278,6 +278,20 @@ mod tests {
             robot.config.nominal_extrinsics.map(|m| m.pose()),
             Some(Pose2::new(0.434, 0.0, 0.0))
         );
+    }
+
+    #[test]
+    fn the_papers_filter_is_refused_by_name() {
+        for table in [
+            "[estimator]",
+            "[[robot]]\nid = \"a\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n[robot.estimator]",
+        ] {
+            let refused = refusal(&format!("{table}\nmeasurement = \"anchored\"\n"));
+            assert!(
+                refused.contains("measurement: got anchored, expected no such key"),
+                "{refused}"
+            );
+        }
     }
 
     #[test]

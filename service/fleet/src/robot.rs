@@ -343,6 +343,7 @@ impl Robot {
         let basis = config.basis(defaults);
         status.config_version = status.config_version.next();
         let Some(former) = status.config.replace(config) else {
+            status.state = RobotState::NoData;
             return Configured::First;
         };
         let keys = basis.differs_in(&former.basis(defaults));

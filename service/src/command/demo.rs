@@ -1,6 +1,7 @@
 //! `fleetcal demo`: the service, its router and a small simulated fleet in one process.
 
 use std::net::{SocketAddr, TcpListener};
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -87,6 +88,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
             keys: Keys::default(),
             trusted: Some(TrustedKeys::from(service.lifecycle().public_key())),
             start_stamp_ns: clock.now().0,
+            rate: NonZeroU32::MIN,
         },
         stop.clone(),
     ));

@@ -10,7 +10,7 @@ use zenoh::Session;
 
 use super::robot::RosRobot;
 use super::{BRIDGE, HUMBLE, JAZZY, config, topics_of};
-use crate::hostile::client;
+use crate::service::hostile::client;
 
 /// Longest wait for a token to come or go.
 const PATIENCE: Duration = Duration::from_secs(30);

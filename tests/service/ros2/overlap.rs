@@ -6,7 +6,7 @@ use fleetcal_tests::service::{Service, wait_for};
 use zenoh::qos::CongestionControl;
 
 use super::robot::HASH;
-use crate::hostile::client;
+use crate::service::hostile::client;
 
 /// Samples sent on each key.
 const SAMPLES: u64 = 500;

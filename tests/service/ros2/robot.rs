@@ -12,7 +12,7 @@ use fleetcal_robot::replay::Window;
 use fleetcal_tests::service::Service;
 use zenoh::qos::CongestionControl;
 
-use crate::hostile::client;
+use crate::service::hostile::client;
 
 /// Pause between two looks at how far the service is.
 const LOOK_EVERY: Duration = Duration::from_millis(2);

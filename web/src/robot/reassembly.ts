@@ -21,13 +21,14 @@ export const VERDICTS: Record<Verdict, Face> = {
     word: 'Unchanged',
     shape: 'check',
     tone: 'good',
-    meaning: 'What was learnt since agrees with the stored calibration within its uncertainty.',
+    meaning:
+      'What was learnt since agrees with what was known just before, within its uncertainty.',
   },
   changed: {
     word: 'Changed',
     shape: 'diamond',
     tone: 'bad',
-    meaning: 'What was learnt since differs significantly from the stored calibration.',
+    meaning: 'What was learnt since differs significantly from what was known just before.',
   },
   open: {
     word: 'Not known yet',
@@ -40,7 +41,7 @@ export const VERDICTS: Record<Verdict, Face> = {
     shape: 'ring',
     tone: 'quiet',
     meaning:
-      'No finished calibration was stored when it was reported. The current one was learned since.',
+      'No finished calibration was known when it was reported. The current one was learned since.',
   },
   none: {
     word: 'No verdict',

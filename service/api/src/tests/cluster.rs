@@ -252,6 +252,15 @@ async fn readiness_is_that_of_the_instance() {
     let rows = snapshot(&[]);
     let mut bench = bench(&[]).await.instance("a", &rows, None);
     assert_eq!(bench.get("/readyz").await.status, 200);
+    // A cut between routers makes no instance unready, and is said.
+    let mut cut = rows.clone();
+    let hearing = &mut cut.members[0].hearing;
+    hearing.unheard_instances.insert(instance("b"));
+    bench.cluster().read(Arc::new(cut));
+    let answer = bench.get("/readyz").await;
+    assert_eq!(answer.status, 200);
+    let detail = &answer.json()["cluster"]["detail"];
+    assert_eq!(detail, "not heard over Zenoh: b");
     let told = async |bench: &Bench, rows: &Snapshot| {
         bench.cluster().read(Arc::new(rows.clone()));
         let answer = bench.get("/readyz").await;

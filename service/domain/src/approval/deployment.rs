@@ -31,7 +31,7 @@ pub enum DeploymentState {
     Failed,
     /// Timed out without a robot's answer.
     TimedOut,
-    /// Withdrawn before it was offered to the robot.
+    /// Withdrawn before the robot had applied it.
     Withdrawn,
     /// Rolling back: the former values are offered to the robot.
     RollingBack,
@@ -71,11 +71,13 @@ pub enum DeploymentEvent {
     TimeOut,
     /// Roll-back to the former values is ordered.
     RollBack,
+    /// Withdrawal is ordered: the robot keeps the calibration in use.
+    Withdraw,
 }
 
 impl DeploymentEvent {
     /// Every event.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Offer,
         Self::Applied,
         Self::Refused,
@@ -88,6 +90,7 @@ impl DeploymentEvent {
         Self::TooLittleMotion,
         Self::TimeOut,
         Self::RollBack,
+        Self::Withdraw,
     ];
 }
 

@@ -45,8 +45,7 @@ impl DeploymentState {
             (Self::Verifying, E::Contradicted) => Ok(Self::Kept),
             (Self::Verifying, E::TooLittleMotion) => Ok(Self::Inconclusive),
             (Self::Queued | Self::Offered, E::TimeOut) => Ok(Self::TimedOut),
-            // Nobody has seen it: there is nothing to bring back.
-            (Self::Queued, E::RollBack) => Ok(Self::Withdrawn),
+            (Self::Queued | Self::Offered, E::Withdraw) => Ok(Self::Withdrawn),
             (Self::Offered | Self::Applied | Self::Verifying | Self::RollingBack, E::RollBack) => {
                 Ok(Self::RollingBack)
             }

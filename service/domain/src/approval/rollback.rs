@@ -171,19 +171,13 @@ impl Draft<'_> {
         let Some(before) = self.outcome.ledger.live.clone() else {
             return self.return_to_verified(reason);
         };
-        let action = DeploymentAction::RollBack;
-        if before.state == DeploymentState::Queued {
-            return self.withdraw_queued(&before, rollback, reason);
-        }
-        let state = before.state.after(DeploymentEvent::RollBack)?;
-        let Some(base) = before.base.clone() else {
-            if before.state == DeploymentState::Offered {
-                // A robot that has taken it goes back by itself: nobody confirms it.
-                let event = DeploymentEvent::TimeOut;
-                return self.advance(&before, before.clone(), event, action, Some(reason));
+        let base = match (before.state, before.base.clone()) {
+            (DeploymentState::Queued, _) | (DeploymentState::Offered, None) => {
+                return self.withdraw(&before, rollback, reason);
             }
-            return Err(Refused::NothingToReturnTo);
+            (_, base) => base.ok_or(Refused::NothingToReturnTo)?,
         };
+        let state = before.state.after(DeploymentEvent::RollBack)?;
         let approved = before.earlier.first().unwrap_or(&before.offer).revision;
         self.decline(approved);
         let revision = self.revision_of(&base, Some(approved));
@@ -207,13 +201,15 @@ impl Draft<'_> {
             &before,
             live,
             DeploymentEvent::RollBack,
-            action,
+            DeploymentAction::RollBack,
             Some(reason),
         )
     }
 
-    /// Withdraws a deployment that was not offered yet: the robot keeps the values in use.
-    fn withdraw_queued(
+    /// Withdraws a deployment that was not offered yet, or that has no former values to return to:
+    /// the robot keeps the values in use. A robot that has applied it meanwhile reverts by itself,
+    /// for lack of a confirmation.
+    fn withdraw(
         &mut self,
         before: &Deployment,
         rollback: Rollback,
@@ -227,7 +223,7 @@ impl Draft<'_> {
             reason: reason.clone(),
             values: base.values,
         });
-        let (event, action) = (DeploymentEvent::RollBack, DeploymentAction::RollBack);
+        let (event, action) = (DeploymentEvent::Withdraw, DeploymentAction::RollBack);
         self.advance(before, live, event, action, Some(reason))
     }
 

@@ -1,10 +1,14 @@
 //! Settings of one robot's estimator.
 
 use fleetcal_estimator::EstimatorSettings;
-use fleetcal_estimator::settings::SettingsRefused;
+use fleetcal_estimator::settings::{Measurement, SettingsRefused};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
+
+/// Key that stored robots may have and that is no longer accepted: the estimator has only one
+/// measurement.
+const FORMER: &str = "measurement";
 
 /// Settings of one robot that differ from `[estimator]`: the given keys, each checked to be valid.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -24,8 +28,11 @@ impl OwnSettings {
     /// Settings in use by this robot's estimator. If `[estimator]` has come to contradict the
     /// robot's own settings, the program's defaults replace it.
     pub fn in_use(&self, usual: &EstimatorSettings) -> EstimatorSettings {
-        self.over(usual)
-            .unwrap_or_else(|_| self.laid_over(&EstimatorSettings::default()))
+        let mut known = self.clone();
+        known.0.remove(FORMER);
+        known
+            .over(usual)
+            .unwrap_or_else(|_| known.laid_over(&EstimatorSettings::default()))
     }
 
     fn laid_over(&self, usual: &EstimatorSettings) -> EstimatorSettings {
@@ -41,8 +48,10 @@ impl OwnSettings {
 impl<'de> Deserialize<'de> for OwnSettings {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let given = Map::deserialize(from)?;
-        let alone: EstimatorSettings =
+        let mut alone: EstimatorSettings =
             serde_json::from_value(Value::Object(given.clone())).map_err(D::Error::custom)?;
+        // Stored robots may name the paper's; who gives it is refused by `over`.
+        alone.measurement = Measurement::default();
         alone.check().map_err(D::Error::custom)?;
         Ok(Self(given))
     }
@@ -99,6 +108,23 @@ mod tests {
     }
 
     #[test]
+    fn a_stored_robot_of_the_papers_filter_is_read_and_none_is_given_one() {
+        let stored = own(r#"{"measurement": "anchored", "pose_sigma_m": 0.02}"#);
+        let usual = EstimatorSettings {
+            anchor_distance_m: 4.0,
+            ..EstimatorSettings::default()
+        };
+        let expected = EstimatorSettings {
+            pose_sigma_m: 0.02,
+            ..usual.clone()
+        };
+        assert_eq!(stored.in_use(&usual), expected);
+        assert_eq!(stored.over(&usual), Err(SettingsRefused::Anchored));
+        let former_default = own(r#"{"measurement": "clone"}"#);
+        assert_eq!(former_default.over(&usual), Ok(usual));
+    }
+
+    #[test]
     fn what_contradicts_the_settings_of_all_is_refused_and_never_in_use() {
         let gain = own(r#"{"free": {"steering_gain": "estimated"}}"#);
         let mut usual = EstimatorSettings::default();
@@ -109,6 +135,7 @@ mod tests {
         assert_eq!(in_use.free.steering_gain, Freedom::Estimated);
         for refused in [
             r#"{"noize": 1}"#,
+            r#"{"measurement": "cloned"}"#,
             r#"{"pose_sigma_m": -1}"#,
             r#"{"prior_sigma": {"lidar_z": 1}}"#,
         ] {

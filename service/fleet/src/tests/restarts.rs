@@ -257,3 +257,16 @@ async fn a_robot_with_bytes_of_an_unknown_format_learns_anew() {
     assert_eq!(bench.view("robot").state, RobotState::Learning);
     assert_eq!(stored_s(&bench), [0, 10]);
 }
+
+#[test]
+fn a_robot_is_registered_once_it_is_configured() {
+    let robot = crate::robot::Robot::new(id("robot"), None);
+    assert_eq!(robot.state(), RobotState::Unregistered);
+    let config = RobotConfig::of_vehicle(VehicleModel::Bicycle, Wheelbase::try_from(1.3).unwrap());
+    robot.set_config(config, &EstimatorSettings::default());
+    assert_eq!(
+        robot.state(),
+        RobotState::NoData,
+        "before its task has begun"
+    );
+}

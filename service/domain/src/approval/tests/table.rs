@@ -55,21 +55,21 @@ rolled_back      -          -         -                   -             -
 rollback_failed  -          -         -                   -             -
 kept             -          -         -                   -             -
 
-                 TimeOut          RollBack
-queued           timed_out        withdrawn
-offered          timed_out        rolling_back
-applied          -                rolling_back
-verifying        -                rolling_back
-verified         -                -
-inconclusive     -                -
-refused          -                -
-failed           -                -
-timed_out        -                -
-withdrawn        -                -
-rolling_back     rollback_failed  rolling_back
-rolled_back      -                -
-rollback_failed  -                -
-kept             -                -
+                 TimeOut          RollBack      Withdraw
+queued           timed_out        -             withdrawn
+offered          timed_out        rolling_back  withdrawn
+applied          -                rolling_back  -
+verifying        -                rolling_back  -
+verified         -                -             -
+inconclusive     -                -             -
+refused          -                -             -
+failed           -                -             -
+timed_out        -                -             -
+withdrawn        -                -             -
+rolling_back     rollback_failed  rolling_back  -
+rolled_back      -                -             -
+rollback_failed  -                -             -
+kept             -                -             -
 ";
 
 /// Cells of a table: state, event, and the state after it.
