@@ -13,6 +13,7 @@
 pub mod advice;
 pub mod calibrator;
 pub mod change;
+mod claim;
 pub mod drive_history;
 pub mod estimate;
 pub mod excitation;
@@ -26,6 +27,7 @@ mod trust;
 pub mod vehicle;
 
 pub use calibrator::{Calibrator, Checkpoint};
+pub use claim::without_range_scale;
 pub use estimate::{Estimate, Parameter, ParameterEstimate, Status};
 pub use fleetcal_model::Pose2;
 /// Poses in the plane, SE(2).
@@ -36,5 +38,4 @@ pub use fleetcal_odometry::{
 pub use merge::{JUMP_BACK_MIN_S, MergerPosition};
 pub use settings::{EstimatorSettings, Freedom};
 pub use stream::{DriveSample, Effect, Event, LidarPose, Note, NoteKind, RobotTime, Scan};
-pub use trust::without_range_scale;
 pub use vehicle::{Vehicle, VehicleModel};

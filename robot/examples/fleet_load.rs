@@ -79,7 +79,7 @@ async fn count(router: &zenoh::Session, key: &str) -> zenoh::Result<Arc<AtomicU6
     Ok(counter)
 }
 
-/// Processor time this process has used, s.
+/// Returns the processor time this process has used, s.
 fn cpu_s() -> Result<f64, Box<dyn Error + Send + Sync>> {
     let stat = std::fs::read_to_string("/proc/self/stat")?;
     // Behind the name in brackets: state, ten other fields, then user and system time.

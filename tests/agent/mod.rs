@@ -17,12 +17,12 @@ use link::Link;
 use robot::Robot;
 use service::{Service, approved, key, until};
 
-/// How often the agent is killed.
+/// Number of kills of the agent.
 const ROUNDS: u64 = 100;
-/// The moments of the kills, from the start of the process on: from before it can do anything to
-/// after its answer was confirmed.
+/// Latest moment of the kills, from the start of the process on: they cover everything from before
+/// its first action to after the confirmation of its acknowledgement.
 const MOMENTS_MS: u64 = 160;
-/// How long the link carries nothing.
+/// Time for which the link carries nothing.
 const CUT: Duration = Duration::from_secs(30);
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

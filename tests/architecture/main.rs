@@ -28,7 +28,7 @@ fn root() -> PathBuf {
         .to_path_buf()
 }
 
-/// Names of a crate's normal dependencies (not of its tests or benches).
+/// Returns the names of a crate's normal dependencies (not of its tests or benches).
 fn dependencies(package: &str) -> BTreeSet<String> {
     let output = Command::new(env!("CARGO"))
         .args([
@@ -119,7 +119,7 @@ fn the_robots_side_knows_neither_service_nor_estimator() {
     }
 }
 
-/// Every Rust file below a folder.
+/// Returns every Rust file below a folder.
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -133,7 +133,7 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Lines of code that name `word` as a path, comments left out.
+/// Returns the lines of code that name `word` as a path, comments left out.
 fn uses(path: &Path, word: &str) -> Vec<String> {
     let text = fs::read_to_string(path).unwrap();
     text.lines()
@@ -309,7 +309,7 @@ fn files_say_what_they_hold_and_stay_readable() {
     }
 }
 
-/// The texts that people read, by their paths from the root.
+/// Reads the documents for people, by their paths from the root.
 fn documents() -> std::collections::BTreeMap<PathBuf, documents::Document> {
     let mut paths: Vec<PathBuf> = ["odometry/README.md", "estimator/README.md"]
         .map(PathBuf::from)
@@ -344,7 +344,7 @@ fn every_link_of_a_document_leads_somewhere() {
     }
 }
 
-/// Figures of a campaign and the commit they are of belong into a generated page.
+/// Checks that figures of a campaign and its commit are on generated pages only.
 #[test]
 fn no_document_but_a_generated_one_names_a_commit() {
     for path in documents().keys() {
@@ -421,7 +421,7 @@ fn nobody_has_to_decode_a_word() {
     assert!(found.is_empty(), "{found:#?}");
 }
 
-/// Every file below a folder that has words: built and generated ones apart.
+/// Returns every text file below a folder, except built and generated ones.
 fn texts(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {

@@ -13,6 +13,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Output;
 
+use fleetcal_proto::estimate::CalibrationReport;
 use fleetcal_tests::report::assert_near;
 use fleetcal_tests::rewritten::Rewritten;
 use fleetcal_tests::{binary, clouds, recording, rewritten};
@@ -58,6 +59,16 @@ fn a_simulated_recording_is_calibrated_to_its_truth() {
     assert_eq!(report["robot"], "tugger_01");
     assert_eq!(report["schema_version"], 1);
     assert!(report["timing"]["realtime_factor"].as_f64().unwrap() > 1.0);
+    let report: CalibrationReport = serde_json::from_value(report).unwrap();
+    for (name, parameter) in report.parameters.iter() {
+        let terms = report.sigma_terms.get(&name).map_or(&[][..], Vec::as_slice);
+        let folded = terms.iter().fold(0.0, |sigma, term| term.applied_to(sigma));
+        let apart = (folded - parameter.sigma).abs();
+        assert!(
+            apart <= 1e-9 * parameter.sigma,
+            "{name}: {terms:?} of {parameter:?}"
+        );
+    }
 }
 
 #[test]

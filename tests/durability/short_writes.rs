@@ -7,7 +7,7 @@ use fleetcal_tests::service::Service;
 
 use crate::durability::injected::{Robots, settle};
 
-/// Robots that are registered.
+/// Registered robots.
 const ROBOTS: usize = 15;
 
 #[test]

@@ -22,13 +22,14 @@ use zenoh::Config;
 const ROBOTS: usize = 50;
 /// Seconds that each of them drives, in real time.
 const DURATION_S: f64 = 20.0;
-/// Hundredths of a second that robots drive whose vehicle the service does not know.
+/// Hundredths of a second that unknown robots drive.
 const UNKNOWN_TICKS: usize = 500;
-/// Size of their messages: a drive sample, and a scan of 1,081 beams.
+/// Size of a drive sample, bytes.
 const DRIVE_BYTES: usize = 48;
+/// Size of a scan of 1,081 beams, bytes.
 const SCAN_BYTES: usize = 4_384;
 
-/// What robots cost the service while they drove.
+/// Cost of the driving robots for the service.
 struct Cost {
     summaries: Vec<ReplaySummary>,
     cpu_s: f64,
@@ -43,7 +44,7 @@ impl Cost {
             .sum()
     }
 
-    /// CPU time of one message.
+    /// Returns the CPU time of one message.
     fn per_message_us(&self) -> f64 {
         1e6 * self.cpu_s / self.messages() as f64
     }
@@ -107,7 +108,8 @@ async fn fifty_robots_lose_no_drive_sample() {
     take_in_alone(&service).await;
 }
 
-/// Sends what the service has no vehicle for: it takes the messages in and does no more with them.
+/// Sends messages of a robot without a vehicle: the service receives them and does no more with
+/// them.
 async fn take_in_alone(service: &Service) {
     let connect = json!({ "mode": "client", "connect": { "endpoints": [service.endpoint()] } });
     let config = Config::from_json5(&connect.to_string()).unwrap();

@@ -10,9 +10,9 @@ use fleetcal_tests::binary;
 use fleetcal_tests::service::Service;
 use serde_json::Value;
 
-/// How long each robot drives, s of its own time, and how much faster than real time it sends.
+/// Duration of each robot's drive, s of its own time, and its speed relative to real time.
 const DRIVE: [&str; 2] = ["60", "6"];
-/// What is built into the examples.
+/// True values built into the examples.
 const TRUTH: [(&str, f64, f64); 4] = [
     ("steering_offset", 0.03, 0.003),
     ("lidar_x", 0.4, 0.01),

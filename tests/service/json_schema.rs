@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use super::openapi::{python, quiet, run};
 use super::recorded;
 
-/// Validates a document, and expects a field that is missing to be found.
+/// Script that validates a document, and expects a missing field to be found.
 const VALIDATE: &str = "
 import json, sys, jsonschema
 schema, document = (json.load(open(path)) for path in sys.argv[1:])

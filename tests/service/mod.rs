@@ -74,7 +74,7 @@ async fn steering_and_speed_of_two_topics_replayed_give_the_numbers_of_calibrate
     assert_eq!(service.robot("tugger_01")["pairing"]["unpaired"], 0);
 }
 
-/// Seconds of history of a robot, oldest first.
+/// Returns the seconds of history of a robot, oldest first.
 fn history_of(service: &Service, robot: &str) -> Vec<Value> {
     let path = format!("/api/v1/robots/{robot}/history?parameter=lidar_x&max_points=5000");
     let history = service.try_get(&path);

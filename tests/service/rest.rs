@@ -10,7 +10,7 @@ use tempfile::TempDir;
 
 use super::{recorded, sender};
 
-/// What a person types: quotes and all.
+/// A typed note, with quotes.
 const NOTE: &str = "LiDAR bracket 4\" replaced";
 
 fn maintain(service: &Service, token: &str, note: &str) -> Output {
@@ -26,15 +26,15 @@ fn maintain(service: &Service, token: &str, note: &str) -> Output {
         .unwrap()
 }
 
-/// What the script printed under a heading that begins so.
+/// Returns the script's output under a heading with this beginning.
 fn part<'a>(printed: &'a str, heading: &str) -> &'a str {
     let (_, behind) = printed.split_once(&format!("== {heading}")).unwrap();
     let (_, part) = behind.split_once('\n').unwrap();
     part.split("\n== ").next().unwrap()
 }
 
-/// Has a tool maintain the robot, which is driven again once its reassembly is reported; gives what the tool
-/// printed.
+/// Runs a tool that maintains the robot, which is driven again once its reassembly is reported;
+/// returns the tool's output.
 async fn maintained_and_driven(
     service: &Arc<Service>,
     token: &str,

@@ -9,7 +9,7 @@ use zenoh::qos::CongestionControl;
 use crate::zenoh::lists::{start_with_certificates, wait_until_received};
 use crate::zenoh::{robot, session};
 
-/// Sessions that send at once: with a stream for each priority, of one in six nothing arrived.
+/// Sessions that send at once: with a stream for each priority, one in six lost everything.
 const SESSIONS: u64 = 40;
 /// Samples that each of them sends.
 const SAMPLES: u64 = 5;

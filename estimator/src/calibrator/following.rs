@@ -290,7 +290,7 @@ impl Calibrator {
             let is_worth_it = self.is_proven() && knows_enough(&covariance, settings);
             if self.comparison.is_none() && is_worth_it {
                 let stored = Comparison::new(occasion, values, &covariance, settings);
-                self.comparison = Some(stored.told_with(&self.told_of(filter).covariance));
+                self.comparison = Some(stored.told_with(self.claim_of(filter).covariance()));
             }
         }
         if let Some(comparison) = self.comparison.as_mut()

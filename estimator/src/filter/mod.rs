@@ -8,9 +8,7 @@
 //!
 //! Perturbations of poses are right (local) ones: `pose_true = pose * exp(error)`.
 
-mod compound;
 pub mod constraint;
-pub mod encoder;
 pub mod follow;
 pub mod padded;
 mod parameters;

@@ -21,33 +21,33 @@ use crate::simulator::{
 /// Longest recording, s: a day.
 pub const RECORD_DURATION_MAX_S: f64 = 86_400.0;
 
-/// Why a recording was not made.
+/// Reason for which a recording was not made.
 #[derive(Debug, Error)]
 pub enum RecordError {
-    /// Longer or shorter than a recording can be.
+    /// The duration is not that of a recording.
     #[error("duration: got {0} s, expected more than 0 and at most {RECORD_DURATION_MAX_S} s")]
     Duration(f64),
     /// The robot's configuration cannot be simulated.
     #[error(transparent)]
     Setting(#[from] SettingRefused),
-    /// The simulated time left what a ROS stamp can say.
+    /// The simulated time left the range of ROS stamps.
     #[error(transparent)]
     RobotTime(#[from] StampRefused),
     /// The recording could not be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// The truth beside it could not be written.
+    /// The truth file beside it could not be written.
     #[error("{}: {source}", path.display())]
     Truth {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         #[source]
         source: io::Error,
     },
 }
 
-/// What stands in `OUT.truth.json`: the names of `fleetcal calibrate --json`.
+/// Content of `OUT.truth.json`, with the names of `fleetcal calibrate --json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedTruth {
     /// The robot.
@@ -62,7 +62,7 @@ pub struct RecordedTruth {
     pub parameters: CalibrationValues,
     /// The true values from each change to the next.
     pub segments: Vec<TrueSegment>,
-    /// What the model of a robot does not know of this one; left out when there is nothing.
+    /// Imperfections that the model of a robot does not cover; left out if there are none.
     #[serde(default, skip_serializing_if = "Imperfections::is_none")]
     pub imperfections: Imperfections,
 }
@@ -70,7 +70,7 @@ pub struct RecordedTruth {
 /// A vehicle as it is registered.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RecordedVehicle {
-    /// How it steers.
+    /// Steering geometry.
     pub model: VehicleModel,
     /// Distance between the axles, m.
     pub wheelbase_m: f64,
@@ -79,15 +79,15 @@ pub struct RecordedVehicle {
 /// The true values over a stretch.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TrueSegment {
-    /// When they begin to hold, s from the start.
+    /// Start of the stretch, s from the start of the recording.
     pub from_s: f64,
-    /// When they cease to, s from the start.
+    /// End of the stretch, s from the start of the recording.
     pub to_s: f64,
     /// The values at the stretch's end.
     pub parameters: CalibrationValues,
 }
 
-/// Where the truth of a recording is written: `OUT.truth.json` beside `OUT.mcap`.
+/// Returns the path of a recording's truth: `OUT.truth.json` beside `OUT.mcap`.
 pub fn truth_path(recording: &Path) -> PathBuf {
     recording.with_extension("truth.json")
 }
@@ -97,7 +97,7 @@ pub fn truth_path(recording: &Path) -> PathBuf {
 /// robot gives the same bytes.
 ///
 /// # Errors
-/// When the duration or the robot's configuration cannot be, or a file cannot be written.
+/// The duration or the robot's configuration is impossible, or a file cannot be written.
 pub fn record(
     robot: &SimulatedRobot,
     duration_s: f64,
@@ -199,7 +199,7 @@ fn values(parameters: &TrueParameters) -> CalibrationValues {
     }
 }
 
-/// The values by name, for the recording's own metadata.
+/// Returns the values by name, for the recording's own metadata.
 fn texts(values: &CalibrationValues) -> BTreeMap<String, String> {
     let optional = [
         ("speed_scale", values.speed_scale),

@@ -13,11 +13,11 @@ use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, PoseStamped, RosMess
 use super::RecordingError;
 use super::mcap_file::McapFile;
 
-/// Name of the metadata record that holds a simulated robot's true values.
+/// Name of the metadata record with a simulated robot's true values.
 pub const TRUTH_METADATA: &str = "fleetcal.truth";
 
-/// Writes `/{robot}/wheel_odometry`, `/{robot}/scan` and `/{robot}/truth` into an MCAP file of profile
-/// `ros2`. The same messages give the same bytes.
+/// Writer of `/{robot}/wheel_odometry`, `/{robot}/scan` and `/{robot}/truth` into an MCAP file of
+/// profile `ros2`. The same messages give the same bytes.
 #[derive(Debug)]
 pub struct RecordingWriter {
     file: McapFile<BufWriter<File>>,
@@ -27,7 +27,7 @@ pub struct RecordingWriter {
 }
 
 impl RecordingWriter {
-    /// Makes the file, or empties it.
+    /// Creates the file, or empties it.
     ///
     /// # Errors
     /// When it can't be made.

@@ -29,10 +29,10 @@ use crate::timing::ScanTimes;
 use crate::topics::{self, TopicArguments};
 use crate::{CommandError, ModelName};
 
-/// The robot's name when neither the caller nor the recording has one.
+/// Name of the robot if neither the caller nor the recording has one.
 const UNNAMED: &str = "robot";
 
-/// What `fleetcal calibrate` takes.
+/// Arguments of `fleetcal calibrate`.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
@@ -40,22 +40,22 @@ pub struct Arguments {
     /// Distance between the axles, in metres
     #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
     pub wheelbase: Option<f64>,
-    /// How the vehicle steers [default: bicycle, or what --config says]
+    /// Steering geometry of the vehicle [default: bicycle, or from --config]
     #[arg(long)]
     pub model: Option<ModelName>,
     /// The robot's name [default: the first chunk of the wheel odometry topic]
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
-    /// Which topics are taken.
+    /// Topics to use.
     #[command(flatten)]
     pub topics: TopicArguments,
-    /// For `JointState`: the joints that steer and drive, as in `streams.joints` of a configuration
+    /// Joints that steer and drive, for `JointState`, as in `streams.joints` of a configuration
     #[arg(long, value_name = "TABLE", value_parser = topics::joints)]
     pub joints: Option<Joints>,
     /// A `fleetcal.toml`, for the estimator's settings, the robot's vehicle and its topics
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// For clouds: the band of heights in the LiDAR's frame [default: -0.5,0.5, or as --config says]
+    /// Heights to use from clouds, in the LiDAR's frame [default: -0.5,0.5, or from --config]
     #[arg(long, value_name = "MIN_M,MAX_M", allow_hyphen_values = true)]
     pub height_band: Option<HeightBand>,
     /// A known map to localise in.
@@ -70,7 +70,7 @@ pub struct Arguments {
     /// Write the result with its plots as one self-contained page
     #[arg(long, value_name = "OUT.html")]
     pub report: Option<PathBuf>,
-    /// Write the session as MCAP for Foxglove: the streams, what was known when, and what happened
+    /// Write the session as MCAP for Foxglove: the streams, the estimates over time, and the events
     #[arg(long, value_name = "OUT.mcap")]
     pub export: Option<PathBuf>,
 }
@@ -78,7 +78,7 @@ pub struct Arguments {
 /// Runs the command.
 ///
 /// # Errors
-/// One sentence, with the exit status that goes with it.
+/// One sentence, with its exit status.
 pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError> {
     let recording = Recording::open(&arguments.recording)?;
     spare_recording(&recording, arguments)?;
@@ -122,8 +122,8 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
     }
 }
 
-/// The robot of the file whose recording it is: the one that is named, else the only one below
-/// whose name there are topics.
+/// Returns the recording's robot in the file: the one that is named, else the only one with topics
+/// below its name.
 fn configured_robot<'f>(
     arguments: &Arguments,
     channels: &[Channel],
@@ -142,7 +142,7 @@ fn configured_robot<'f>(
     only.map(|entry| (&entry.id, &entry.config))
 }
 
-/// No result is written over what it is calculated from.
+/// Refuses to write a result over the recording.
 fn spare_recording(recording: &Recording, arguments: &Arguments) -> Result<(), CommandError> {
     let outputs = [&arguments.export, &arguments.trajectory, &arguments.report];
     let mut outputs = outputs.into_iter().flatten();
@@ -152,7 +152,7 @@ fn spare_recording(recording: &Recording, arguments: &Arguments) -> Result<(), C
     }
 }
 
-/// The vehicle: the flags first, then the robot's entry in the file.
+/// Returns the vehicle: the flags first, then the robot's entry in the file.
 fn vehicle_of(
     arguments: &Arguments,
     robot: &RobotId,
@@ -191,7 +191,7 @@ fn vehicle_of(
     Ok(config)
 }
 
-/// One recording on its way through the estimator.
+/// Calibration of one recording in progress.
 #[derive(Debug)]
 struct Run<'a> {
     recording: &'a Recording,
@@ -202,16 +202,16 @@ struct Run<'a> {
     robot: &'a RobotId,
     trajectory: Option<Trajectory>,
     export: Option<RecordingExport<BufWriter<File>>>,
-    /// What a report shows, where one is asked for.
+    /// Record for the report, if one was requested.
     session: Option<SessionRecord>,
     pose: LatestPose,
     times: ScanTimes,
 }
 
-/// What a recording came to.
+/// Result of a recording.
 struct Finished {
     report: CalibrationReport,
-    /// What was refused and how well the rest fits together, in words.
+    /// Remarks on refusals and on the pairing of the rest.
     remarks: Vec<String>,
     session: Option<SessionRecord>,
 }
@@ -249,7 +249,7 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Works through the recording.
+    /// Processes the recording.
     fn finish(mut self, clock: &dyn Clock) -> Result<Finished, CommandError> {
         let began = clock.elapsed();
         let names = self.topics.names();
@@ -282,7 +282,7 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Takes one message to the estimator, as the service does.
+    /// Feeds one message to the estimator, as the service does.
     fn take(&mut self, message: &RecordedMessage) -> Result<(), CommandError> {
         let mut streams = self.streams.iter_mut();
         let Some(stream) = streams.find(|stream| stream.carries(message)) else {
@@ -310,7 +310,7 @@ impl<'a> Run<'a> {
         self.follow(&effects)
     }
 
-    /// Writes down what a step said, and the rear axle's pose when it is a new one.
+    /// Records the effects of a step, and a new pose of the rear axle.
     fn follow(&mut self, effects: &[Effect]) -> Result<(), CommandError> {
         if let Some(session) = &mut self.session {
             session.take(self.robot, effects);
@@ -349,7 +349,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// What a person should know of the recording beside its result.
+    /// Returns remarks about the recording beside its result.
     fn remarks(&self) -> Vec<String> {
         let refusals = self.streams.iter().filter_map(RecordedStream::refusals);
         let mut remarks: Vec<String> = refusals.collect();

@@ -21,10 +21,10 @@ use crate::output::print_text;
 use crate::signals::Signals;
 use crate::{Boxed, CommandError};
 
-/// What `fleetcal simulate` takes.
+/// Arguments of `fleetcal simulate`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// How many robots
+    /// Number of robots
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub robots: usize,
     /// Drive in real time, connected to this Zenoh endpoint; may be repeated
@@ -35,14 +35,15 @@ pub struct Arguments {
         required_unless_present_any = ["zenoh_config", "record", "configuration"]
     )]
     pub connect: Vec<String>,
-    /// A native Zenoh configuration for each robot, whose QUIC endpoints get one stream; --connect
-    /// replaces the endpoints in it
+    /// A native Zenoh configuration for each robot, in which QUIC endpoints are set to one stream;
+    /// --connect replaces its endpoints
     #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
-    /// Print what fleetcal.toml says of these robots instead: as they are drawn, not as they are
+    /// Print the configuration of these robots for fleetcal.toml instead: their drawings, not their
+    /// true values
     #[arg(long, conflicts_with_all = ["connect", "record"])]
     pub configuration: bool,
-    /// Record one robot instead, with its truth beside it
+    /// Record one robot instead, with its true values in a file beside it
     #[arg(long, value_name = "OUT.mcap", conflicts_with = "connect")]
     pub record: Option<PathBuf>,
     /// Length of the recording, in seconds
@@ -62,7 +63,7 @@ pub struct Arguments {
         requires = "record"
     )]
     pub start_stamp: i32,
-    /// Turn the robots' LiDARs by so much to the left, in degrees: the same robots after a knock or
+    /// Turn each robot's LiDAR by so much to the left, in degrees: the same robot after a knock or
     /// a reassembly
     #[arg(
         long,
@@ -71,19 +72,19 @@ pub struct Arguments {
         allow_negative_numbers = true
     )]
     pub turn_lidar: f64,
-    /// The service's public key, as `GET /api/v1/signing-key` shows it: the robots apply, at once
-    /// and in motion, the approved calibration for them; without it they take no calibration; may be
+    /// The service's public key, from `GET /api/v1/signing-key`: the robots apply, at once and in
+    /// motion, the approved calibration for them; without it they accept no calibration; may be
     /// repeated
     #[arg(long, value_name = "PUBLICKEY", conflicts_with = "record")]
     pub service_key: Vec<PublicKey>,
-    /// What the robots' faults and the sensors' noise are drawn from
+    /// Seed of the robots' faults and of the sensors' noise
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
     /// Seconds that pass for the robots in one of real time
     #[arg(long, value_name = "TIMES", default_value_t = NonZeroU32::MIN, conflicts_with = "record")]
     pub rate: NonZeroU32,
-    /// What the estimator's model does not know of the robots, as examples/imperfections.toml lists
-    /// it; a recording's truth names it
+    /// Imperfections of the robots that the estimator's model does not cover, in the form of
+    /// examples/imperfections.toml; a recording's truth file names it
     #[arg(long, value_name = "FILE")]
     pub imperfections: Option<PathBuf>,
     /// First chunk of every key
@@ -94,7 +95,7 @@ pub struct Arguments {
 /// Drives until SIGTERM or SIGINT, or records.
 ///
 /// # Errors
-/// One sentence, with the exit status that goes with it.
+/// One sentence, with its exit status.
 pub fn run(arguments: &Arguments, clock: SharedClock) -> Boxed<'_> {
     Box::pin(perform(arguments, clock))
 }
@@ -117,7 +118,7 @@ async fn perform(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     }
 }
 
-/// A robot's part of `fleetcal.toml`.
+/// Writes a robot's part of `fleetcal.toml`.
 fn entry(robot: &SimulatedRobot) -> String {
     let Pose2 { x_m, y_m, yaw_rad } = robot.nominal();
     let model = match robot.model() {
@@ -132,7 +133,7 @@ fn entry(robot: &SimulatedRobot) -> String {
     )
 }
 
-/// Gives every robot the imperfections of a file.
+/// Applies the imperfections of a file to every robot.
 fn make_imperfect(robots: &mut [SimulatedRobot], path: &Path) -> Result<(), CommandError> {
     let text = std::fs::read_to_string(path).map_err(|source| CommandError::Read {
         path: path.to_owned(),
@@ -212,7 +213,7 @@ async fn drive(
     print_text(&in_words(&summaries))
 }
 
-/// One line for each robot.
+/// Writes one line for each robot.
 fn in_words(summaries: &[RobotSummary]) -> String {
     let line = |summary: &RobotSummary| {
         let RobotSummary {
@@ -254,7 +255,7 @@ mod tests {
         Ok(given)
     }
 
-    /// Every key that an imperfection has a size in.
+    /// Returns the keys of all imperfections that are set.
     fn keys(imperfections: &Imperfections) -> Vec<String> {
         let table = toml::Table::try_from(imperfections).unwrap();
         let mut keys = Vec::new();

@@ -12,17 +12,17 @@ use fleetcal_proto::ros::{
 
 use crate::decode::{self, Decoded, MessageRefused};
 
-/// What a robot's messages are, where they do not say so themselves.
+/// Settings for reading a robot's messages where these do not name their own type.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ReadingSettings {
-    /// How its scans are taken.
+    /// Settings of its scans.
     pub scans: ScanSettings,
     /// Its topics and joints.
     pub streams: RobotStreams,
 }
 
 impl ReadingSettings {
-    /// Those of a robot.
+    /// Returns the settings of a robot.
     pub fn of(config: &RobotConfig) -> Self {
         Self {
             scans: config.scans(),
@@ -30,7 +30,8 @@ impl ReadingSettings {
         }
     }
 
-    /// What a stream's messages are: what they say, else what is configured, else the usual.
+    /// Returns the type of a stream's messages: as they name it, else as configured, else the usual
+    /// one.
     pub fn message_type(&self, stream: Stream, form: Form) -> Option<MessageType> {
         let usual = || match stream {
             Stream::Scan => Some(self.scans.scan_type.message_type()),
@@ -44,16 +45,16 @@ impl ReadingSettings {
 /// Half of a drive sample: a steering angle, rad, or a speed, m/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Half {
-    /// When it was measured.
+    /// Stamp of the measurement.
     pub stamp: RobotTime,
     /// Angle or speed.
     pub value: f64,
 }
 
-/// What a message is.
+/// Content of a message.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reading {
-    /// What the estimator takes.
+    /// Complete content for the estimator.
     Whole(Decoded),
     /// A steering angle that waits for its speed.
     Steering(Half),
@@ -61,11 +62,11 @@ pub enum Reading {
     Speed(Half),
 }
 
-/// Reads one payload. Its type is what the message says, else what is configured, else the usual
+/// Reads one payload, by the type that the message names, else the configured one, else the usual
 /// one.
 ///
 /// # Errors
-/// One sentence: the stream, the field, its value and what is accepted.
+/// One sentence: the stream, the field, its value and the accepted values.
 pub fn read(
     stream: Stream,
     form: Form,
@@ -101,7 +102,7 @@ pub fn read(
     }
 }
 
-/// A payload and what is needed to read it.
+/// Payload with the context to read it.
 struct Message<'m> {
     stream: Stream,
     encoding: Encoding,
@@ -202,7 +203,7 @@ impl Message<'_> {
         Ok(joints.steering_gear * position_rad)
     }
 
-    /// The mean of the wheels.
+    /// Returns the mean speed of the wheels, m/s.
     fn speed_of(&self, message: &JointState) -> Result<f64, MessageRefused> {
         let joints = self.joints()?;
         let stream = self.stream;

@@ -11,8 +11,9 @@ use crate::service::hostile::client;
 /// Samples sent on each key.
 const SAMPLES: u64 = 500;
 
-/// `*/left/front/wheel_odometry` of the one robot and `7/left/front/wheel_odometry` of the other, which is known by
-/// its domain; the third has its prefix below that domain.
+/// Configuration with `*/left/front/wheel_odometry` of the one robot and
+/// `7/left/front/wheel_odometry` of the other, which is known by its domain; the third has its
+/// prefix below that domain.
 const CONFIG: &str = "\
     [ros2]\n\
     rmw_zenoh = [\"{domain}/{robot}/{topic}\", \"{robot}/{topic}\"]\n\

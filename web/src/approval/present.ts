@@ -1,30 +1,30 @@
-/** The present estimate beside a proposal: whether what is proposed still holds. */
+/** The current estimate beside a proposal: whether the proposed values still hold. */
 
 import { againstApplied } from '../fleet/comparison';
 import type { Proposal, Robot } from '../api/types';
 import { type Compared, compareValues, difference } from '../units/values';
 
-/** Farther from what is proposed than so many sigmas, the estimate has moved on. */
+/** Distance from the proposed values, in sigmas, beyond which the estimate has moved on. */
 const OUTDATED_SIGMAS = 3;
 
 export interface Present {
-  /** What is proposed (`from`) and the estimate now (`to`), value by value. */
+  /** Proposed values (`from`) and the current estimate (`to`), value by value. */
   values: Compared[];
-  /** How many sigmas the value that has moved most is away. */
+  /** Distance of the value that has moved most, in sigmas. */
   sigmas: number;
-  /** That value. */
+  /** Name of that value. */
   moved: Compared['name'];
-  /** Null while the estimate is not known: then nobody can say. */
+  /** True if the proposed values still hold; null while the estimate is unknown. */
   holds: boolean | null;
-  /** Whether a reported reassembly is open: nothing from before it holds. */
+  /** True if a reported reassembly is open: data from before it do not hold. */
   reassembled: boolean;
 }
 
 /**
- * Compares a proposal with its robot's estimate now; undefined without one, and for values that
- * nobody measured. The estimate now contains the data of the proposal, so the variance of their
- * difference is that of the proposal less that of now: the larger of the two sigmas bounds it. The
- * service decides by the same rule.
+ * Compares a proposal with its robot's current estimate; undefined without one, and for values that
+ * were not measured. The current estimate contains the data of the proposal, so the variance of
+ * their difference is the proposal's less the current one: the larger of the two sigmas bounds it.
+ * The service decides by the same rule.
  */
 export function presentOf({ revision }: Proposal, robot: Robot | undefined): Present | undefined {
   const now = robot && againstApplied(robot, undefined);

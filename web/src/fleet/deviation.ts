@@ -1,4 +1,4 @@
-/** How far a robot's estimate was from what it used at the time. */
+/** Deviation of a robot's estimate from the calibration in use at the time. */
 
 import type { HistoryDocument, Tolerance, Values } from '../api/types';
 import type { AppliedStep } from '../robot/applied';
@@ -6,8 +6,9 @@ import { CALIBRATED } from '../units/parameters';
 import { accepted, difference, valueOf } from '../units/values';
 
 /**
- * What a robot used at a time. Without steps nothing was ever deployed, and it used `in_use` all
- * along; before the first step it used its factory values, if that is what the step is about.
+ * Returns the calibration in use by a robot at a time. Without steps nothing was ever deployed, and
+ * it is `in_use` throughout; before the first step these are the factory values, if the step
+ * records them.
  */
 export function usedAt(
   steps: readonly AppliedStep[],
@@ -21,8 +22,8 @@ export function usedAt(
 }
 
 /**
- * How far each point was from what the robot used then, in tolerances: of the four values the one
- * that was furthest. Null where nothing was known.
+ * Returns the deviation of each point from the calibration in use then, in tolerances: the largest
+ * of the four values. Null at times without a known calibration.
  */
 export function deviations(
   history: Pick<HistoryDocument, 'time' | 'series'>,

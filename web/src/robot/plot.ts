@@ -1,4 +1,4 @@
-/** How one parameter is drawn over time. Sizes, colours and marks; what is drawn comes as columns. */
+/** Drawing of one parameter over time: sizes, colours and marks; the data come as columns. */
 
 import uPlot from 'uplot';
 import { colour } from '../ui/theme.svelte';
@@ -9,7 +9,7 @@ const AXIS_WIDTH = 58;
 const MARK_SIZE = 4.5;
 const POINT_SIZE = 3.5;
 
-/** A mark of something that happened. */
+/** A mark of an event. */
 export interface EventMark {
   t_s: number;
   tone: 'bad' | 'warn' | 'quiet';
@@ -17,27 +17,27 @@ export interface EventMark {
 
 /** Lines beside the estimate, in shown units. */
 export interface Levels {
-  /** What was applied, as steps in time. */
+  /** Applied values, as steps in time. */
   applied: readonly { t_s: number; value: number | null }[];
-  /** What is proposed; null where nothing is. */
+  /** Proposed value; null without one. */
   proposed: number | null;
 }
 
-/** What a chart asks of its page. */
+/** Interface from a chart to its page. */
 export interface PlotHost {
-  /** How long a point stands for, s. */
+  /** Duration that a point represents, s. */
   bucket_s(): number;
   /** Lowest and highest value now. */
   values(): [number, number];
   marks(): readonly EventMark[];
   levels(): Levels;
-  /** The cursor moved to a time, or left. */
+  /** Called when the cursor moved to a time, or left. */
   cursor(t_s: number | null): void;
-  /** A stretch of time was cut out with the mouse. */
+  /** Called when a stretch of time was selected with the mouse. */
   cut(from_s: number, to_s: number): void;
 }
 
-/** Marks over the plot: a dashed line, and a shape at its top that tells them apart. */
+/** Draws marks over the plot: a dashed line, and at its top a shape that distinguishes them. */
 function drawMarks(
   plot: uPlot,
   marks: readonly EventMark[],
@@ -62,7 +62,7 @@ function drawMarks(
   ctx.restore();
 }
 
-/** What was applied as a step line, and what is proposed as a dashed one. */
+/** Draws the applied values as a step line, and the proposed one as a dashed line. */
 function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelColours): void {
   const { ctx, bbox } = plot;
   const right = bbox.left + bbox.width;
@@ -98,7 +98,7 @@ function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelCo
   ctx.restore();
 }
 
-/** Keeps what is drawn next inside the axes, until `restore`. */
+/** Restricts drawing to the inside of the axes, until `restore`. */
 function clip({ ctx, bbox }: uPlot): void {
   ctx.save();
   ctx.beginPath();
@@ -106,7 +106,7 @@ function clip({ ctx, bbox }: uPlot): void {
   ctx.clip();
 }
 
-/** Points without a neighbour, each with its band and bucket: a line would not show them. */
+/** Draws points without a neighbour, each with its band and bucket: a line would not show them. */
 function drawIsolated(plot: uPlot, bucket_s: number, stroke: string): void {
   const { ctx } = plot;
   const [times, top, bottom, , , mean] = plot.data as Columns;
@@ -158,12 +158,12 @@ function drawShape(
   ctx.fill();
 }
 
-/** The same colour, more or less transparent. */
+/** Returns the same colour, more or less transparent. */
 function faded(rgb: string, alpha: number): string {
   return rgb.replace(/^rgb\((.*)\)$/, `rgba($1, ${alpha})`);
 }
 
-/** Draws `columns` into `element`. Colours are those of the moment: a new theme needs a new plot. */
+/** Draws `columns` into `element` in the current colours: a new theme needs a new plot. */
 export function plot(
   element: HTMLElement,
   size: { width: number; height: number },

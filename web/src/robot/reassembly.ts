@@ -1,18 +1,18 @@
-/** What came of the latest reassembly: the same calibration as before, another, or not known yet. */
+/** Outcome of the latest reassembly: the same calibration as before, another, or not known yet. */
 
 import type { EventKind, Robot, RobotEvent } from '../api/types';
 import type { Face } from '../ui/face';
 
-/** An estimate that is later than a report by this much knows of it. */
+/** Time after a report from which an estimate takes it into account. */
 const TAKEN_IN_MS = 10_000;
 
 export type Verdict = 'same' | 'changed' | 'open' | 'nothing_stored' | 'none';
 
 export interface Reassembly {
-  /** What was reported. */
+  /** Reported event. */
   event: RobotEvent;
   verdict: Verdict;
-  /** The estimator's event that says so. */
+  /** The estimator's event that contains the verdict. */
   by: RobotEvent | null;
 }
 
@@ -52,14 +52,14 @@ export const VERDICTS: Record<Verdict, Face> = {
   },
 };
 
-/** What the estimator says after a report, and its verdict. */
+/** Verdicts by the estimator's events after a report. */
 const SAID: Partial<Record<EventKind, Verdict>> = {
   calibration_confirmed: 'same',
   calibration_changed: 'changed',
   calibration_learned: 'nothing_stored',
 };
 
-/** The latest reassembly among a robot's events, the newest first; null when there was none. */
+/** Returns the latest reassembly among a robot's events, the newest first; null without one. */
 export function reassemblyOf(events: readonly RobotEvent[], robot: Robot): Reassembly | null {
   const at = events.findIndex(({ kind }) => kind === 'reassembled');
   const event = events[at];

@@ -3,19 +3,19 @@
 //! Most robots have no imperfection to speak of, or one; a robot that shows several may well have those
 //! that cannot be seen, too. With the posterior `N(m, V)` of the steering's imperfections under their
 //! priors, the evidence for *none*, for *one of them* and for *all of them* is that of
-//! [`super::relevance`].
+//! [`crate::filter::relevance`].
 
 use nalgebra::{SMatrix, SVector};
 
-use super::prior::{
+use crate::estimate::Parameter;
+use crate::filter::prior::{
     ASYMMETRY_SIGMA, CUBIC_SIGMA_PER_RAD2, QUADRATIC_SIGMA_PER_RAD, STEERING_LAG_SIGMA_S,
     STEERING_PLAY_SIGMA_RAD, STEERING_SPREAD_SIGMA_S2,
 };
-use super::relevance::{GAIN_SIGMA, SHARE};
-use super::{
+use crate::filter::relevance::{GAIN_SIGMA, SHARE};
+use crate::filter::{
     ASYMMETRY, CUBIC, Filter, QUADRATIC, STEERING_LAG, STEERING_PLAY, STEERING_SPREAD, Values,
 };
-use crate::estimate::Parameter;
 
 /// What imperfections do together is more than their sum: behind a lag the wheel takes up its play later
 /// than the sensor, and stands between the encoder's steps. On two-sided routes that cancels. 600 simulated

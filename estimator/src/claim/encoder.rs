@@ -2,12 +2,12 @@
 //!
 //! An encoder `y_e` beside the middle shifts `y_off` by `y_e`, and all that shows of it is a quadratic term
 //! of the steering's curve, `-y_e / L`: no motion tells the two apart, and where they cancel nothing shows
-//! at all. What is told instead is how probable that is: a robot with every imperfection (`filter::compound`)
+//! at all. What is told instead is how probable that is: a robot with every imperfection (`claim::compound`)
 //! may well have these two as well.
 
-use super::prior::QUADRATIC_SIGMA_PER_RAD;
-use super::relevance::Known;
-use super::{Filter, QUADRATIC};
+use crate::filter::prior::QUADRATIC_SIGMA_PER_RAD;
+use crate::filter::relevance::Known;
+use crate::filter::{Filter, QUADRATIC};
 use crate::vehicle::{SpeedMeasuredAt, Vehicle};
 
 /// How far beside the axle's middle the speed may be measured where nobody said, one standard deviation, m.
@@ -24,14 +24,36 @@ const UNSEEN_SIGMAS: f64 = 2.5;
 /// sigmas without it. As one standard deviation it is 0.2 % to either side on an axle of 0.8 m.
 const UNEQUAL_WHEELS_SIGMA_M: f64 = 0.000_8;
 
-/// By how much the variance of the LiDAR's `y` is larger than the filter's, since the speed may be measured
-/// beside the axle's middle.
+/// Variance of the LiDAR's `y` that no motion shows, since the speed may be measured beside the axle's middle.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct EncoderVariance {
+    /// Variance for the place where the speed is measured, m².
+    pub place_m2: f64,
+    /// Part of it that no driving takes away, m²; the rest goes as the curve of the steering becomes known.
+    pub undriven_place_m2: f64,
+    /// Standard deviation for rear wheels of unequal size, m.
+    pub unequal_wheels_sigma_m: f64,
+}
+
+impl EncoderVariance {
+    /// The variance of a stored calibration, which no driving of a new session takes away.
+    pub fn undriven(variance_m2: f64) -> Self {
+        Self {
+            place_m2: variance_m2,
+            undriven_place_m2: variance_m2,
+            unequal_wheels_sigma_m: 0.0,
+        }
+    }
+
     /// All of it, m².
-    pub told_m2: f64,
-    /// What of it no driving takes away, m²; the rest goes as the curve of the steering becomes known.
-    pub undriven_m2: f64,
+    pub fn total_m2(&self) -> f64 {
+        self.place_m2 + self.unequal_wheels_sigma_m.powi(2)
+    }
+
+    /// The part of it that no driving takes away, m².
+    pub fn undriven_m2(&self) -> f64 {
+        self.undriven_place_m2 + self.unequal_wheels_sigma_m.powi(2)
+    }
 }
 
 impl Known {
@@ -57,13 +79,14 @@ impl Known {
         };
         let told_square = seen_square.max(unseen_square) + variance;
         let hidden_m2 = filter.hidden_encoder_m2(vehicle.wheelbase_m) * probability;
-        let [told_m2, undriven_m2] = [told_square, seen_square].map(|square| {
+        let [place_m2, undriven_place_m2] = [told_square, seen_square].map(|square| {
             let shown_m2 = (ENCODER_SHARE * vehicle.wheelbase_m).powi(2) * square;
-            shown_m2.max(hidden_m2) + UNEQUAL_WHEELS_SIGMA_M.powi(2)
+            shown_m2.max(hidden_m2)
         });
         EncoderVariance {
-            told_m2,
-            undriven_m2,
+            place_m2,
+            undriven_place_m2,
+            unequal_wheels_sigma_m: UNEQUAL_WHEELS_SIGMA_M,
         }
     }
 }
