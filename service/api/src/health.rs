@@ -73,8 +73,8 @@ pub(super) struct Readiness {
     /// router. The detail also reports that all places of sessions are taken, and the client with
     /// the most.
     zenoh: Check,
-    /// Check that this instance is a member of its cluster; absent for a single service. The detail also names
-    /// the instances that this one does not receive over Zenoh.
+    /// Check that this instance is a member of its cluster; absent for a single service. The detail
+    /// also names the instances that it does not receive over Zenoh.
     #[serde(skip_serializing_if = "Option::is_none")]
     cluster: Option<Check>,
 }
@@ -175,14 +175,14 @@ fn joined(cluster: &Cluster, membership: &Membership) -> Result<(), String> {
     }
 }
 
-/// Instances that this one does not receive over Zenoh, as a sentence.
+/// Instances that this one does not receive, in words.
 fn unheard(membership: &Membership) -> Option<String> {
     let unheard = own_member(membership)?.hearing.unheard_instances;
     let names: Vec<_> = unheard.iter().map(InstanceId::as_str).collect();
     (!names.is_empty()).then(|| format!("not heard over Zenoh: {}", names.join(", ")))
 }
 
-/// This instance's row.
+/// Row of this instance.
 fn own_member(membership: &Membership) -> Option<Member> {
     let cluster = membership.cluster()?;
     cluster.snapshot().member(&cluster.seat()?).cloned()

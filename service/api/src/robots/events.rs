@@ -137,7 +137,8 @@ pub(super) async fn list_events(
 #[schema(as = NewEvent)]
 #[serde(deny_unknown_fields)]
 pub(super) struct NewEventDocument {
-    /// Kind of the event. After `reassembled` the calibration is compared with the one known just before.
+    /// Kind of the event. After `reassembled` the calibration is compared with the one known just
+    /// before.
     kind: NoteKind,
     /// Displayed time of the event, by the robot's clock; its latest estimate's time unless given.
     /// The note takes effect when it is received.

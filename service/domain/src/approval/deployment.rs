@@ -71,7 +71,7 @@ pub enum DeploymentEvent {
     TimeOut,
     /// Roll-back to the former values is ordered.
     RollBack,
-    /// It shall not be applied: the robot goes on with what it uses.
+    /// Withdrawal is ordered: the robot keeps the calibration in use.
     Withdraw,
 }
 

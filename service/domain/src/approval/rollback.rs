@@ -206,8 +206,9 @@ impl Draft<'_> {
         )
     }
 
-    /// Withdraws a deployment that no robot has received, or that has no way back: the robot keeps the values in
-    /// use. A robot that has taken it meanwhile reverts by itself, since it is never confirmed.
+    /// Withdraws a deployment that was not offered yet, or that has no former values to return to:
+    /// the robot keeps the values in use. A robot that has applied it meanwhile reverts by itself,
+    /// for lack of a confirmation.
     fn withdraw(
         &mut self,
         before: &Deployment,

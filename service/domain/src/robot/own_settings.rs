@@ -6,7 +6,8 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
-/// Key of stored robots that is refused in new settings: the estimator has a single form of measurement.
+/// Key that stored robots may have and that is no longer accepted: the estimator has only one
+/// measurement.
 const FORMER: &str = "measurement";
 
 /// Settings of one robot that differ from `[estimator]`: the given keys, each checked to be valid.
