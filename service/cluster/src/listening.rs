@@ -126,6 +126,8 @@ fn robots_to_hear(
 
 #[cfg(test)]
 mod tests {
+    use fleetcal_domain::limits::CLUSTER_ZENOH_LEASE;
+
     use super::*;
     use crate::plan::tests::{cluster, robot, seat};
 
@@ -203,6 +205,19 @@ mod tests {
         cut.link.note_token(seat("b").instance, true);
         assert_eq!(cut.look(), Hearing::default());
         assert_eq!(cut.listening.robots().count(), 0);
+    }
+
+    #[test]
+    fn an_instance_whose_heartbeats_are_late_on_a_busy_machine_is_still_heard() {
+        let mut cut = Cut::new();
+        for _ in 0..10 {
+            cut.link.note_token(seat("b").instance, false);
+            let late = CLUSTER_ZENOH_LEASE.saturating_sub(CLUSTER_LOOK_EVERY * 2);
+            assert_eq!(cut.look_for(late), Hearing::default());
+            assert_eq!(cut.listening.robots().count(), 0);
+            cut.link.note_token(seat("b").instance, true);
+            cut.look();
+        }
     }
 
     #[test]
