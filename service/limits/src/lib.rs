@@ -473,6 +473,9 @@ pub const CLUSTER_UNHEARD_AFTER: Duration = CLUSTER_ZENOH_LEASE;
 /// Silence after which, while instances do not hear each other, a robot counts as unheard by the
 /// instance that listens to it.
 pub const CLUSTER_ROBOT_UNHEARD_AFTER: Duration = Duration::from_secs(2);
+/// Time for which instances do not hear each other after which they subscribe to parked robots as
+/// well: these may have begun to send at the other side.
+pub const CLUSTER_ALL_HEARD_AFTER: Duration = Duration::from_secs(15);
 /// Time after which an instance claims robots and duties that another one should have claimed.
 pub const CLUSTER_CLAIM_OTHERS_AFTER: Duration = Duration::from_secs(2);
 /// Robots that an instance hands over at once.
