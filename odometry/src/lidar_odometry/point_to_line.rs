@@ -16,14 +16,14 @@ use super::normal_equations::NormalEquations;
 use super::range_errors::RangeErrors;
 use super::submap::{Cell, FreeSpace, LocalOrigin, Submap};
 
-/// Beyond this many of its sigmas a residual loses its weight (Geman-McClure).
+/// Sigmas beyond which a residual loses its weight (Geman-McClure).
 const ROBUST_SIGMAS: f32 = 3.0;
 /// Least standard deviation of a residual, m: the map is no better than this.
 const RESIDUAL_FLOOR_M: f32 = 0.002;
-/// Within this many sigmas a point lies on the map.
+/// Sigmas within which a point lies on the map.
 const ON_MAP_SIGMAS: f32 = 4.0;
 
-/// A surface whose normal is nearer to a direction than this (cosine of 75°) faces it.
+/// Least cosine between a direction and the normal of a surface that faces it (75°).
 const FACING_COS: f32 = 0.26;
 
 /// Sums over points, in the order xx, xy, xt, yy, yt, tt of the pose's information.
