@@ -44,7 +44,7 @@ impl Curve {
     }
 }
 
-/// Everything that the curve says of the angle.
+/// Bends from which the angle is determined.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Bends {
     bends: Vec<Bend>,

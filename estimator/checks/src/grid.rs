@@ -55,7 +55,7 @@ impl Default for Grid {
 }
 
 impl Grid {
-    /// Takes the next value of the speed or the angle: a straight line from the last one.
+    /// Adds the next value of the speed or the angle: a straight line from the last one.
     pub fn take(&mut self, channel: Channel, time_s: f64, value: f64) {
         let Some(last) = self.last.get_mut(channel as usize) else {
             return;
@@ -79,7 +79,7 @@ impl Grid {
         });
     }
 
-    /// Takes a velocity of the LiDAR that it kept from one time to another.
+    /// Adds a velocity of the LiDAR that it kept from one time to another.
     pub fn take_motion(&mut self, from_s: f64, to_s: f64, velocity: [f64; 3]) {
         let channels = [Channel::Ahead, Channel::Left, Channel::Turn];
         for (channel, value) in channels.into_iter().zip(velocity) {

@@ -11,11 +11,11 @@ use crate::lag::{self, Lag, Numbers, Vectors};
 
 /// Cells of a row: 0.3 s.
 const ROW_CELLS: i64 = 3;
-/// Fewest rows in motion that say anything.
+/// Fewest rows in motion that show anything.
 const ROWS_MIN: usize = 20;
 /// Longest lag that is looked for, s.
 pub(crate) const LAG_MAX_S: f64 = 8.0;
-/// Beyond this no wheel is steered, rad.
+/// Largest angle of a steered wheel, rad.
 const STEERED_MAX_RAD: f64 = 1.4;
 
 /// Motion over 0.3 s.

@@ -64,7 +64,7 @@ fn a_featureless_place_is_reported_as_lost_odometry_and_nothing_is_claimed() {
     }
 }
 
-/// When somebody takes hold of the robot, s.
+/// Time at which somebody takes hold of the robot, s.
 const TAKEN_S: f64 = 60.0;
 
 /// Somebody holds the robot for a while, in which it is moved with its wheels still. What it does

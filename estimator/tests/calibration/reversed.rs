@@ -18,7 +18,7 @@ const WHEELBASE_M: f64 = 1.2;
 /// and to the other backward.
 const SLIP_RAD_PER_MPS2: f64 = 0.015;
 const OFFSET_RAD: f64 = 0.02;
-/// Where the LiDAR sits: x, y, m; yaw, rad.
+/// Place of the LiDAR: x, y, m; yaw, rad.
 const MOUNT: [f64; 3] = [0.4, 0.1, 0.05];
 const POSE_SIGMA_M: f64 = 0.003;
 const POSE_SIGMA_RAD: f64 = 5e-4;

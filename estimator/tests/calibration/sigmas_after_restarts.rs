@@ -10,17 +10,17 @@ use fleetcal_robot::simulator::{
 use crate::drawn::drawn;
 use crate::drive::{FOUR, event_of, vehicle_of};
 
-/// When the checkpoint is written that a robot is taken over from, s.
+/// Time of the checkpoint that a robot is taken over from, s.
 const CHECKPOINT_S: f64 = 180.0;
-/// Nothing is taken in from then until a takeover is over: the checkpoint of a cluster's robot is up to a
-/// twentieth of its session old, and a takeover takes up to 3 s.
+/// Time from then on in which no message arrives, until a takeover is over: the checkpoint of a
+/// cluster's robot is up to a twentieth of its session old, and a takeover takes up to 3 s.
 const LOST_S: f64 = 12.0;
-/// How long the robot drives from then on, s.
+/// Time for which the robot drives from then on, s.
 const DRIVEN_S: f64 = 60.0;
 const SEEDS: u64 = 12;
 /// Robots on loops with their turns mostly to one side.
 const ONE_SIDED_SEEDS: u64 = 12;
-/// How much larger a sigma may be than that of the undisturbed estimator.
+/// Share by which a sigma may be larger than that of the undisturbed estimator.
 const LESS_CERTAIN: f64 = 0.05;
 
 /// A robot without an imperfection that sends scans.
@@ -66,7 +66,8 @@ fn sigmas(calibrator: &Calibrator) -> [f64; 4] {
     FOUR.map(|parameter| estimate.parameter(parameter).sigma)
 }
 
-/// By how much the sigmas of the four are larger than undisturbed, where so many seconds of messages are lost.
+/// Shares by which the sigmas of the four are larger than undisturbed, where so many seconds of
+/// messages are lost.
 fn certainty_lost(seed: u64, lost_s: f64) -> [f64; 4] {
     let robot = robot(seed);
     let config = CalibratorConfig::of(vehicle_of(&robot.vehicle, robot.vehicle.wheelbase_m));

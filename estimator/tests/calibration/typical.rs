@@ -1,4 +1,4 @@
-//! Robots of which everything is imperfect at once, as on a robot in good order.
+//! Robots with every imperfection at once, of the size of a robot in good order.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::{Parameter, Status};
@@ -121,7 +121,7 @@ fn drive_on(route: Route, imperfections: Imperfections, seed: u64, duration_s: f
     drive(config, calibrator, duration_s)
 }
 
-/// What is `converged` is true at any time, and nothing is taken for a change.
+/// Asserts that every `converged` value is true at any time, and that no change is flagged.
 fn assert_true(run: &Driven, name: &str) {
     assert!(run.changes.is_empty(), "{name}: {:?}", run.changes);
     for (estimate, truth) in &run.estimates {
@@ -151,9 +151,9 @@ fn a_robot_with_all_typical_imperfections_makes_no_false_claim() {
     }
 }
 
-/// Where every turn is a left one, imperfections that work together pass for an offset, and ten minutes of
-/// driving do not take it away. These seeds were false while the filter's own sigma was told; of 600, two
-/// still are (147 and 346, and here 541).
+/// Robots of which every turn is a left one: imperfections that work together pass for an offset,
+/// and ten minutes of driving do not remove it. These seeds were false while the filter's own sigma
+/// was published; of 600, two still are (147 and 346, and here 541).
 #[test]
 fn an_imperfect_robot_on_a_loop_of_left_turns_makes_no_false_claim() {
     let left = Route::left_loop(Point::new(-11.0, 0.0), 10.0, 8.0);
@@ -168,7 +168,8 @@ fn an_imperfect_robot_on_a_loop_of_left_turns_makes_no_false_claim() {
     }
 }
 
-/// No driving tells where the speed is measured, so none is asked for: the owner has to say it.
+/// Robot whose owner is asked where the speed is measured: no driving shows it, so none is asked
+/// for.
 #[test]
 fn a_robot_whose_y_waits_for_the_place_of_its_speed_encoder_says_so() {
     let (route_name, route) = routes()[0].clone();
