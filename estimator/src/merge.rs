@@ -12,11 +12,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::stream::{Dropped, Event, Note, RobotTime};
 
-/// How long a message is held, in message time, s.
+/// Time for which a message is held, in message time, s.
 pub const WINDOW_S: f64 = 0.5;
-/// Stamps that jump back further than this start a new session, s.
+/// Jump of the stamps back that starts a new session, s.
 pub const JUMP_BACK_MIN_S: f64 = 5.0;
-/// Stamps that jump ahead further than this must be confirmed by a second message, s.
+/// Jump of the stamps ahead that must be confirmed by a second message, s.
 pub const JUMP_AHEAD_MIN_S: f64 = 60.0;
 /// Most messages held at once. Beyond it the oldest leaves before its time.
 pub const HELD_MAX: usize = 4096;
@@ -38,7 +38,7 @@ pub enum Stream {
     LidarPose,
 }
 
-/// What the merger makes of a message.
+/// Result of the merger for a message.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Merged {
     /// Next in order.
@@ -62,23 +62,23 @@ pub struct Merger {
     suspect: Option<(RobotTime, Stream, Event)>,
 }
 
-/// Up to where a robot's messages have left a merger: what is not behind that is taken already, by
-/// this merger or by the one that it goes on from.
+/// Position up to which a robot's messages have left a merger: those not behind it are processed
+/// already, by this merger or by the one that it continues.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct MergerPosition {
     left: Option<(RobotTime, Stream)>,
 }
 
 impl MergerPosition {
-    /// True if a message has left already. Of a note no stamp says that.
+    /// True if a message has left already. A note's stamp does not show that.
     pub fn covers(&self, event: &Event) -> bool {
         place(event).is_some_and(|place| self.left.is_some_and(|left| place <= left))
     }
 }
 
 impl Merger {
-    /// A merger that goes on where another one was at this stamp: of what had left it, the last was
-    /// of the stream `left`. What it held has to be sent again.
+    /// Continues where another merger was at this stamp: of the messages that had left it, the last
+    /// was of the stream `left`. Those it held have to be sent again.
     pub fn resuming(now: RobotTime, left: Option<Stream>) -> Self {
         Self {
             newest: Some(now),
@@ -92,12 +92,12 @@ impl Merger {
         self.left.map(|(_, stream)| stream)
     }
 
-    /// Up to where messages have left.
+    /// Position up to which messages have left.
     pub fn position(&self) -> MergerPosition {
         MergerPosition { left: self.left }
     }
 
-    /// Takes a message; puts what is in order now into `out`.
+    /// Adds a message; puts the messages that are in order now into `out`.
     pub fn push(&mut self, event: Event, out: &mut Vec<Merged>) {
         let Some((stamp, stream)) = place(&event) else {
             self.flush(out);
@@ -125,7 +125,7 @@ impl Merger {
         self.release(out);
     }
 
-    /// Lets out everything that is held: what comes next, if anything, comes after it.
+    /// Lets out everything that is held: the next messages, if any, come after it.
     pub fn flush(&mut self, out: &mut Vec<Merged>) {
         while let Some((key, event)) = self.held.pop_first() {
             self.left = Some(key);
@@ -190,7 +190,8 @@ impl Merger {
     }
 }
 
-/// Where a message stands in time; `None` of what stands where it comes: a note, and the end of a session.
+/// Place of a message in time; `None` of one that stands where it arrives: a note, and the end of a
+/// session.
 fn place(event: &Event) -> Option<(RobotTime, Stream)> {
     match event {
         Event::WheelOdometry(sample) => Some((sample.stamp(), Stream::WheelOdometry)),

@@ -1,5 +1,5 @@
-//! Manoeuvres that would tell most about a parameter: the information each would add for this robot
-//! now, by the filter's own equations.
+//! Manoeuvres that would add most about a parameter: the information of each for this robot now, by
+//! the filter's own equations.
 
 pub mod manoeuvre;
 pub mod ranking;
@@ -33,7 +33,7 @@ pub struct Advice {
     pub covariance_after: ParameterCovariance,
 }
 
-/// What is known of the robot that is to be advised.
+/// Knowledge of the robot that is to be advised.
 #[derive(Debug, Clone, Copy)]
 pub struct Knowledge<'a> {
     /// Its vehicle.
@@ -90,7 +90,7 @@ fn covariance_after(manoeuvre: &Manoeuvre, knowledge: &Knowledge) -> Option<Para
     Some(information.cholesky()?.inverse())
 }
 
-/// Information of what is known now. What is not estimated stays as it is.
+/// Information of the present knowledge. Parameters that are not estimated stay as they are.
 fn inverse(knowledge: &Knowledge) -> Option<ParameterCovariance> {
     let mut covariance = *knowledge.covariance;
     for i in 0..PARAMETERS {

@@ -22,8 +22,8 @@ use super::window::Window;
 use crate::estimate::Parameter;
 use crate::filter::{PARAMETERS, ParameterCovariance, Values, apart};
 
-/// Windows that a change takes: they count on neither side of it. A LiDAR that is knocked moves in
-/// the first, and its scan correction still believes that motion in the second.
+/// Windows during which a change happens: they count on neither side of it. A LiDAR that is knocked
+/// moves in the first, and its scan correction still believes that motion in the second.
 pub const ONSET_WINDOWS: usize = 2;
 /// Fewest windows after an onset.
 pub const WINDOWS_AFTER_MIN: usize = 3;
@@ -105,17 +105,17 @@ impl Reference {
 /// The onset and cause that explain the windows best.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accusation {
-    /// Which of [`HYPOTHESES`].
+    /// Index of its hypothesis in [`HYPOTHESES`].
     pub hypothesis: usize,
     /// Index of the window in which it happened.
     pub onset: usize,
-    /// By how much its threshold is exceeded.
+    /// Excess over its threshold.
     pub margin: f64,
     /// Squared residuals after the onset that it explains.
     explained: f64,
 }
 
-/// What speaks for a change in one window.
+/// Evidence for a change in one window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
     /// Index of the window.
@@ -128,16 +128,16 @@ pub struct Candidate {
     excluded: f64,
 }
 
-/// How windows are searched for a change.
+/// Parameters of the search of windows for a change.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Search {
-    /// How many times larger the noise (as a variance) is than the windows take it for.
+    /// Scale of the noise (as a variance, over that of the windows).
     pub noise_scale: f64,
     /// Squared length that one window may have; without a limit the question is what happened, with
     /// one it is whether anything did.
     pub window_chi2_max: f64,
-    /// Every onset is tried. Else they lie the wider the longer ago, a fifth apart: it is enough to
-    /// see that something happened.
+    /// True if every onset is tried. Else they lie the wider the longer ago, a fifth apart: it is
+    /// enough to detect that something happened.
     pub every_onset: bool,
 }
 
@@ -170,7 +170,7 @@ pub fn strongest<'a>(
     best.map(|(_, accusation)| accusation)
 }
 
-/// What speaks for a change at the onsets that have windows enough before and after them.
+/// Evidence for a change at the onsets that have windows enough before and after them.
 pub fn candidates<'a>(
     windows: impl Iterator<Item = &'a Window>,
     reference: &Reference,
@@ -228,8 +228,8 @@ fn summed<'a>(
     (terms, all)
 }
 
-/// Mean squared whitened residual of the windows after an accusation's onset, per degree of freedom, once
-/// the change is allowed for: near 1 when the cause explains what is seen.
+/// Mean squared whitened residual of the windows after an accusation's onset, per degree of
+/// freedom, once the change is allowed for: near 1 when the cause explains the evidence.
 pub fn misfit<'a>(
     windows: impl Iterator<Item = &'a Window>,
     reference: &Reference,
@@ -293,7 +293,7 @@ fn gained(both: &Information, after: &Information) -> Option<SMatrix<f64, MOVABL
     Some(columns.fixed_rows::<MOVABLE>(0) - half.tr_mul(&half))
 }
 
-/// What speaks for a cause at one onset.
+/// Evidence for a cause at one onset.
 #[derive(Debug, Clone, Copy, Default)]
 struct Support {
     /// Twice the log likelihood ratio against wander.
@@ -302,7 +302,7 @@ struct Support {
     explained: f64,
 }
 
-/// What speaks for each cause at one onset; `both` is the evidence before and after it.
+/// Evidence for each cause at one onset; `both` is the windows' evidence before and after it.
 fn compare(both: &Evidence, after: &Evidence, scale: f64) -> Option<[Support; CAUSES]> {
     // With both = L L', half = L^-1 I_a and forward = L^-1 eta:
     let common = both.information.cholesky()?;

@@ -2,9 +2,9 @@
 
 use crate::estimate::Parameter;
 
-/// What a driver is asked for where a value cannot be one of a vehicle.
+/// Request to a driver where a value cannot be one of a vehicle.
 const CHECK_VEHICLE: &str = "a look at the vehicle and its configuration: this cannot be";
-/// What is asked for the time offset of clouds whose points have no times.
+/// Request for the time offset of clouds whose points have no times.
 const POINT_TIMES: &str = "clouds whose points have a time, or ignore_times in point_cloud where they were all \
     taken at once: without, nobody knows when in a turn the scanner looked where";
 
@@ -43,7 +43,7 @@ impl Withheld {
         }
     }
 
-    /// What the value waits for, in words; `None` where driving is enough.
+    /// Need of the value, in words; `None` where driving is enough.
     pub fn needs(self) -> Option<&'static str> {
         match self {
             Self::Impossible => Some(CHECK_VEHICLE),
