@@ -51,7 +51,7 @@ pub struct DriveHistory {
     held_long: usize,
 }
 
-/// A sample and how far the vehicle had driven on its steering reading before it.
+/// A sample and the way on its steering reading before it.
 #[derive(Debug, Clone, Copy)]
 struct Kept {
     sample: DriveSample,

@@ -48,7 +48,7 @@ struct Window {
     segments: Vec<DriveSegment>,
 }
 
-/// Makes the filter's prior from the motions so far; `None` while they do not tell enough.
+/// Makes the filter's prior from the motions so far; `None` while they show too little.
 pub fn initial_guess(
     vehicle: &Vehicle,
     prior: &Prior,

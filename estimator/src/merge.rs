@@ -1,9 +1,9 @@
 //! One merger for all of a robot's streams: messages leave it in the order of their stamps.
 //!
-//! Streams reach us in bursts and not quite in order. The merger holds a message until message time
-//! has gone on by [`WINDOW_S`], so that the order in which streams arrive inside the window cannot
-//! change a single bit of the result. Only an explicit end of the session, or a note, lets out the rest:
-//! what came before a note is before it, whatever stamp people gave it.
+//! Streams arrive in bursts and not quite in order. The merger holds a message until message time
+//! has advanced by [`WINDOW_S`], so that the order in which streams arrive inside the window cannot
+//! change a single bit of the result. Only an explicit end of the session, or a note, lets out the
+//! rest: messages before a note are before it, whatever its stamp.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -43,11 +43,12 @@ pub enum Stream {
 pub enum Merged {
     /// Next in order.
     Event(RobotTime, Event),
-    /// A note: all that came before it has left before.
+    /// A note: all messages before it have left before.
     Note(Note),
     /// Left out.
     Dropped(Dropped),
-    /// A new session begins with this stamp; what was held of the old one has left before.
+    /// A new session that begins with this stamp; the held messages of the old one have left
+    /// before.
     SessionStarted(RobotTime),
 }
 
@@ -276,8 +277,8 @@ mod tests {
     }
 
     proptest! {
-        /// Stamps of notes are people's words: before, inside and far beyond what the robot has sent,
-        /// by whatever clock, and twice the same.
+        /// Stamps of notes are set by people: before, inside and far beyond those that the robot
+        /// has sent, by whatever clock, and twice the same.
         #[test]
         fn a_note_with_any_stamp_leaves_where_it_comes(
             stamps in prop::collection::vec(

@@ -38,7 +38,7 @@ const HYSTERESIS: f64 = 1.2;
 pub struct Trust {
     #[serde(deserialize_with = "padded::published")]
     converged: [bool; Parameter::ALL.len()],
-    /// Values beyond what a vehicle can be.
+    /// Values beyond the limits of a vehicle.
     #[serde(deserialize_with = "padded::published")]
     impossible: [bool; Parameter::ALL.len()],
     advised: Option<Advised>,

@@ -16,7 +16,7 @@ pub struct FieldRefused {
 }
 
 impl FieldRefused {
-    /// A refused field with its value and what is accepted, in words.
+    /// Refusal of a field with its value and the accepted values, in words.
     pub fn new(field: &'static str, value: impl std::fmt::Display, accepted: &'static str) -> Self {
         Self {
             field,

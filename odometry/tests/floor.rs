@@ -108,7 +108,8 @@ fn a_hall_that_turns_around_the_robot_is_no_floor() {
     assert!(turned_rad > 25.0, "{turned_rad} rad of 27");
 }
 
-/// The back of a truck 2.5 m ahead that drives as the robot does, where what is behind it is out of reach.
+/// The back of a truck 2.5 m ahead that drives as the robot does, where everything behind it is out
+/// of reach.
 #[test]
 fn a_vehicle_ahead_at_the_same_speed_is_no_floor() {
     let behind_truck = |scan: Scan| {

@@ -5,13 +5,13 @@ use crate::cause::{Cause, Check, Held};
 /// State of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// The evidence goes together.
+    /// Evidence that goes together.
     Ok,
-    /// A cause is named.
+    /// Cause that is named.
     Wrong,
-    /// The evidence has more than one explanation.
+    /// Evidence with more than one explanation.
     Unsure,
-    /// Too little evidence so far.
+    /// Evidence that is too little so far.
     NotYet,
 }
 

@@ -6,7 +6,7 @@ pub(crate) const CELL_S: f64 = 0.1;
 pub(crate) const CELLS: usize = 600;
 /// Longest gap that is filled by a straight line, s.
 const GAP_MAX_S: f64 = 0.75;
-/// A clock that goes back by more begins the ring again, s.
+/// Jump of a clock back that begins the ring again, s.
 const BACK_MAX_S: f64 = 1.0;
 
 /// Quantities of a cell.

@@ -10,8 +10,8 @@
 //!    the vehicle was described with over its true one, and the sign of `g c` the product of the signs of
 //!    steering, speed and scan.
 //!
-//! Correlations of `u` with `v` and of `w` with `v tan d` over 8 s show clocks that are apart. What
-//! needs no motion is taken from the messages alone: stamps, frames, ranges.
+//! Correlations of `u` with `v` and of `w` with `v tan d` over 8 s show clocks that are apart.
+//! Causes that need no motion are found in the messages alone: stamps, frames, ranges.
 //!
 //! [`Checks`] receives messages one by one in bounded memory, and [`Checks::findings`] returns the
 //! wrong inputs, in words. A cause is named only once it showed at every look over 10 m more, or

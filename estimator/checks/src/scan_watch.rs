@@ -17,7 +17,7 @@ const SCANS_MIN: u64 = 40;
 const AGREED_SHARE: f64 = 0.8;
 /// Range below which nine ranges in ten lie where they are in metres, m.
 const METRES_MAX: f64 = 90.0;
-/// Share of beams with a return below which a scan says little.
+/// Share of beams with a return below which a scan shows little.
 const RETURNS_MIN: f64 = 0.1;
 /// Share of beams with exactly the scan's largest range that is no accident.
 const LARGEST_MIN_SHARE: f64 = 0.1;

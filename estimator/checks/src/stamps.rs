@@ -15,7 +15,7 @@ const REPEATED_MIN: f64 = 0.4;
 /// Unevenness of stamps that are made where messages are received, s, and as a share of the period.
 const UNEVEN_MIN_S: f64 = 0.04;
 const UNEVEN_MIN_SHARE: f64 = 0.05;
-/// Unevenness of a stream in which single steps can be told, as a share of the period.
+/// Unevenness of a stream in which single steps show, as a share of the period.
 const EVEN_MAX_SHARE: f64 = 0.1;
 /// Distance of a step between stamps from a whole number of periods, as a share, from which it is
 /// none of its clock's.

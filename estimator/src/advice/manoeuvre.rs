@@ -1,4 +1,4 @@
-//! A library of manoeuvres that a driver, or a fleet's dispatcher, can ask a robot for.
+//! A library of manoeuvres that a driver, or a fleet's dispatcher, can order from a robot.
 
 use crate::drive_history::DriveSegment;
 use crate::vehicle::{DriveReading, SpeedMeasuredAt, Vehicle};
@@ -28,7 +28,7 @@ pub struct Manoeuvre {
     pub name: &'static str,
     /// Instruction to a driver.
     pub instruction: String,
-    /// Length and width of the floor it takes, m.
+    /// Length and width of the floor it needs, m.
     pub space_m: [f64; 2],
     legs: Vec<Leg>,
 }

@@ -21,7 +21,7 @@ const WINDOW_SIGMA: [f64; 3] = [0.003, 0.003, 0.000_7];
 /// Way that a manoeuvre costs before it begins, m: short ones are not free.
 const APPROACH_M: f64 = 5.0;
 
-/// A manoeuvre with what it would add.
+/// A manoeuvre with the knowledge that it would add.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Advice {
     /// The manoeuvre.
@@ -46,7 +46,7 @@ pub struct Knowledge<'a> {
     pub settings: &'a EstimatorSettings,
 }
 
-/// Every manoeuvre of the library with what it would add, in the library's order.
+/// Every manoeuvre of the library with the knowledge that it would add, in the library's order.
 pub fn advise(knowledge: &Knowledge) -> Vec<Advice> {
     library(knowledge.vehicle)
         .into_iter()

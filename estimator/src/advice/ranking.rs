@@ -42,7 +42,7 @@ pub struct Ranked {
 }
 
 impl Ranked {
-    /// Uncertainty taken and information for each metre, the way to the manoeuvre included.
+    /// Uncertainty removed and information for each metre, the way to the manoeuvre included.
     fn per_metre(&self) -> [f64; 2] {
         let way_m = APPROACH_M + self.advice.manoeuvre.distance_m();
         [
@@ -89,9 +89,9 @@ pub fn rank(knowledge: &Knowledge, floor: Option<Floor>) -> Vec<Ranked> {
     ranked
 }
 
-/// The first manoeuvre of a ranking that is worth driving for a parameter; `None` when none takes a
-/// tenth of its uncertainty. All parameters so ask for what the ranking has first, where that helps
-/// them: nobody is sent to drive one thing for each.
+/// The first manoeuvre of a ranking that is worth driving for a parameter; `None` when none removes
+/// a tenth of its uncertainty. So all parameters ask for the first of the ranking, where that helps
+/// them: nobody has to drive another one for each.
 pub fn first_for(parameter: Parameter, sigma_now: f64, ranked: &[Ranked]) -> Option<&Advice> {
     let i = parameter.index();
     let mut advice = ranked.iter().map(|one| &one.advice);

@@ -1,4 +1,4 @@
-//! Stored state of a calibrator, from which another one goes on.
+//! Stored state of a calibrator, from which another one continues.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;

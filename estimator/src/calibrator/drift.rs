@@ -15,7 +15,7 @@ use crate::stream::{Effect, RobotTime};
 
 /// Time between two comparisons, s of message time.
 const EVERY_S: f64 = 60.0;
-/// A calibration with less than this share of the baseline's uncertainty becomes the new baseline.
+/// Share of the baseline's uncertainty below which a calibration becomes the new baseline.
 const CLOSER_SHARE: f64 = 0.6;
 
 /// The calibration that later ones are compared with.

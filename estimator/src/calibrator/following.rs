@@ -281,8 +281,8 @@ impl Calibrator {
         }
     }
 
-    /// Starts the filter from scratch, to be compared with what is known so far. The floor's caller puts the
-    /// filter back in its place, with what is compared opened.
+    /// Starts the filter from scratch, to be compared with the present knowledge. The floor's
+    /// caller puts the filter back in its place, with the compared parameters opened.
     pub(super) fn begin_comparison(&mut self, occasion: Occasion) {
         if let Some(follower) = self.follower.take() {
             let filter = &follower.filter;

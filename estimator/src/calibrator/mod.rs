@@ -203,7 +203,7 @@ impl Calibrator {
         self.session.segments_with(self.estimate().parameters)
     }
 
-    /// Every manoeuvre of the library with what it would add for this robot now.
+    /// Every manoeuvre of the library with the knowledge that it would add for this robot now.
     pub fn advice(&self) -> Vec<Advice> {
         self.with_knowledge(advise)
     }
@@ -500,7 +500,7 @@ impl Calibrator {
         Parameter::ALL.map(|p| self.held().is_none() && self.watch.is_blind(p))
     }
 
-    /// The parameters as a filter of this session saw them.
+    /// The parameters as judged for a filter of this session.
     fn judge_filter(&self, filter: &Filter) -> ParameterEstimates {
         self.judge(&mut self.trust.clone(), &self.claim_of(filter))
     }

@@ -1,4 +1,4 @@
-//! A filter that begins while the robot drives takes its first readings twice.
+//! Second pass over the first readings of a filter that begins while the robot drives.
 //!
 //! From rest, lag, play and curve of the steering show one after the other as the robot sets off. On the way
 //! all of them are wrong at once: the filter linearises far from where it arrives and stays with what it
@@ -7,11 +7,12 @@
 //! a second step of Gauss-Newton over these readings. The prior's mean moves along: where a parameter was
 //! learnt to three quarters, its variance comes out up to a tenth too small.
 //!
-//! The first guess was made of the first few readings. Where the odometry had not found its way by then, as may
-//! be with a scanner that sees the floor, the mount came out metres away, and the filter does not come back from
-//! there. So the pass also begins at a guess by the later readings, where that is another mount, and the filter
-//! begins from nothing where wheels and LiDAR were taken to disagree, a fault, before it was passed twice. A map
-//! that begins again, or a restart, loses the pass.
+//! The first guess was made of the first few readings. Where the odometry had not found its way by
+//! then, as may be with a scanner that sees the floor, the mount came out metres away, and the
+//! filter does not come back from there. So the pass also begins at a guess by the later readings,
+//! where that is another mount, and the filter begins from nothing where a fault, a disagreement of
+//! wheels and LiDAR, was found before it was passed twice. A map that begins again, or a restart,
+//! loses the pass.
 
 use super::following::with_nominal;
 use super::session::is_at_rest;

@@ -1,4 +1,4 @@
-//! A block: windows without a gap between them, taken as one.
+//! A block: windows without a gap between them, as one.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};

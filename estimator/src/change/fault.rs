@@ -48,17 +48,17 @@ const STUCK_CHANGE_SIGMAS: f64 = 2.6;
 /// Fault that is distinguished.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// The LiDAR moves and the wheels do not: a dead speed sensor, or somebody pushes.
+    /// Moving LiDAR above standing wheels: a dead speed sensor, or somebody pushes.
     NotDriven,
-    /// The wheels turn and the LiDAR stands: spinning or lifted wheels, or a LiDAR that sees nothing
-    /// of its way.
+    /// Turning wheels below a standing LiDAR: spinning or lifted wheels, or a LiDAR that sees
+    /// nothing of its way.
     NotMoving,
-    /// The steering reading stands still while the vehicle's curve changes.
+    /// Steering reading that stands still while the vehicle's curve changes.
     StuckSteering,
-    /// Wheels and LiDAR disagree, and the LiDAR odometry does not know its way.
+    /// Disagreement of wheels and LiDAR, while the LiDAR odometry does not know its way.
     OdometryLost,
-    /// Once the LiDAR has come farther than the wheels drove, and they agree again: somebody carried
-    /// or towed the robot.
+    /// LiDAR that once came farther than the wheels drove, before they agree again: somebody
+    /// carried or towed the robot.
     Displaced,
 }
 

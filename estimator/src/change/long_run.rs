@@ -31,13 +31,15 @@ const SEE_BLOCKS: f64 = 8.0;
 const FEW_BLOCKS: f64 = 10.0;
 /// Factor of the evidence for [`FEW_BLOCKS`].
 const FEW_BLOCKS_CAUTION: f64 = 2.0;
-/// The ratio until then: five times the standard deviation.
+/// Ratio until then: five times the standard deviation.
 const UNPROVEN_RATIO: f64 = 25.0;
-/// Share of the worst ratio that every parameter has at least: what lasts is seldom one's alone.
+/// Share of the worst ratio that every parameter has at least: lasting errors are seldom one's
+/// alone.
 const SHARED: f64 = 0.5;
 /// Multiple of an excess of scatter that is added to it where it is known from one block alone.
 const UNCERTAINTY_BLOCKS: f64 = 6.0;
-/// The first block is fitted as if it were the only one; its leverage is bounded as of so many.
+/// Fewest blocks by which the leverage is bounded: the first block is fitted as if it were the only
+/// one.
 const LEVERAGE_BLOCKS_MIN: f64 = 2.0;
 /// Largest addition by errors that outlast blocks: an exponential memory of a whole block's length.
 const LASTING_MAX: f64 = 2.7;

@@ -275,7 +275,7 @@ mod tests {
     const STEADY: Robot = Robot(0.5, 0.5);
 
     impl Robot {
-        /// Two seconds at 50 Hz.
+        /// Drive samples of two seconds at 50 Hz.
         fn drive(self) -> DriveHistory {
             let mut drive = DriveHistory::new(10.0);
             for number in 0..=4 * AT {
@@ -304,7 +304,7 @@ mod tests {
             }
         }
 
-        /// The mean at the pose of the end, of as many poses as are taken in on either side.
+        /// The mean at the pose of the end, of as many poses as are averaged on either side.
         fn mean_of(
             self,
             readings: impl Fn(i64) -> OdometryReading,

@@ -1,16 +1,16 @@
 //! The search for a change: a generalised likelihood ratio over onset and cause.
 //!
-//! Windows before and after an onset each say something about the parameters, as information
+//! Windows before and after an onset are evidence about the parameters, with the information
 //! `I = sum J' S^-1 J` and `eta = sum J' S^-1 r`. If the parameters of a cause moved by `Delta` at
 //! the onset, the score `s = eta_a - I_a p0` (at the common solution `p0`) has the information
 //! `M = I_a - I_a (I_a + I_b)^-1 I_a`, and `s_c' (M_c + D^-1)^-1 s_c` is the log likelihood ratio
-//! twice over, chi-squared with as many degrees of freedom as the cause has parameters. `D` is how
-//! large a change may be; it keeps out what the motion cannot show.
+//! twice over, chi-squared with as many degrees of freedom as the cause has parameters. `D` is the
+//! prior size of a change; it keeps out changes that the motion cannot show.
 //!
-//! Nothing stays quite as it was: over some metres slip or localisation move what a parameter seems
-//! to be by a `W` that no averaging takes away. So what speaks for a change is how much better `D`
-//! explains the score than `W` does, `s_c' (M_c + D^-1)^-1 s_c - s_c' (M_c + W^-1)^-1 s_c`; with
-//! much information that is `Delta' (W^-1 - D^-1) Delta`, and small wander is never an alarm.
+//! Nothing stays quite as it was: over some metres slip or localisation move the apparent value of
+//! a parameter by a `W` that no averaging removes. So the evidence for a change is how much better
+//! `D` explains the score than `W` does, `s_c' (M_c + D^-1)^-1 s_c - s_c' (M_c + W^-1)^-1 s_c`;
+//! with much information that is `Delta' (W^-1 - D^-1) Delta`, and small wander is never an alarm.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -29,7 +29,7 @@ pub const ONSET_WINDOWS: usize = 2;
 pub const WINDOWS_AFTER_MIN: usize = 3;
 /// Fewest windows before an onset.
 const WINDOWS_BEFORE_MIN: usize = 2;
-/// The parameters that a cause can move are the first of all.
+/// Number of the first parameters, among which are all that a cause can move.
 const MOVABLE: usize = 5;
 
 impl Evidence {

@@ -326,8 +326,8 @@ fn systematic(covariance: &ParameterCovariance, settings: &EstimatorSettings) ->
     }
 }
 
-/// The scale of the LiDAR's ranges passes for that of the speed on the straight, and stretches the mount
-/// in turns.
+/// Term of the scale of the LiDAR's ranges, which passes for that of the speed on the straight, and
+/// stretches the mount in turns.
 fn range_scale(values: &Values) -> Term {
     let mut sigmas = Values::zeros();
     for parameter in Parameter::ALL {
@@ -347,8 +347,9 @@ fn scale_sigma(parameter: Parameter, value: f64) -> f64 {
     }
 }
 
-/// An estimate as it is compared with values that the same LiDAR has measured. The scale of its ranges
-/// (1 sigma: 0.5 % of the mount's x and y, m) is off alike in both, and no part of their difference.
+/// An estimate for a comparison with values that the same LiDAR has measured. The scale of its
+/// ranges (1 sigma: 0.5 % of the mount's x and y, m) is off alike in both, and no part of their
+/// difference.
 #[must_use]
 pub fn without_range_scale(mut estimate: Estimate) -> Estimate {
     for parameter in [Parameter::LidarX, Parameter::LidarY] {

@@ -11,12 +11,12 @@ const POINT_TIMES: &str = "clouds whose points have a time, or ignore_times in p
 /// Reason for which a value is withheld.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Withheld {
-    /// A value is beyond what a vehicle can be. All values explain the same motion: where one of them is
-    /// impossible, none is claimed.
+    /// Value beyond the limits of a vehicle. All values explain the same motion: where one of them
+    /// is impossible, none is claimed.
     Impossible,
-    /// Points of clouds have no times, so that the time offset may be off by a part of a turn.
+    /// Clouds whose points have no times, so that the time offset may be off by a part of a turn.
     PointTimes,
-    /// A change of the parameter would go unseen.
+    /// Change of the parameter that would go unseen.
     Blind,
 }
 

@@ -1,10 +1,10 @@
 //! The extended Kalman filter over body motion and calibration, with a cloned anchor.
 //!
 //! The state is the body's motion since an anchor (3), the LiDAR odometry's own error at that
-//! anchor (3), and the parameters: those of the calibration, and what the vehicle does beyond. Motion *since the anchor* instead of two poses
-//! in a world frame removes the three directions nothing can observe. Every few metres the newest
-//! pose becomes the anchor, so that an old odometry error cannot live on and a LiDAR that was moved
-//! is seen from then on.
+//! anchor (3), and the parameters: those of the calibration, and those of the vehicle beyond.
+//! Motion *since the anchor* instead of two poses in a world frame removes the three directions
+//! nothing can observe. Every few metres the newest pose becomes the anchor, so that an old
+//! odometry error cannot live on and a moved LiDAR shows from then on.
 //!
 //! Perturbations of poses are right (local) ones: `pose_true = pose * exp(error)`.
 

@@ -8,8 +8,8 @@
 //!
 //! With the posterior `N(m, V)` of some under the prior `W`, the one under `S` adds the information
 //! `A = S^-1 - W^-1`, and the data are more probable under `S` by
-//! `ln |W|/|S| - ln |I + A V| - m' (A^-1 + V)^-1 m`, halved. Data that scatter more than the filter
-//! says speak the less against `S`: the last term is divided by how much more.
+//! `ln |W|/|S| - ln |I + A V| - m' (A^-1 + V)^-1 m`, halved. Data that scatter more than by the
+//! filter speak the less against `S`: the last term is divided by how much more.
 
 use nalgebra::{SMatrix, SVector};
 

@@ -188,8 +188,8 @@ proptest! {
         prop_assert!(all_near(&back.side_speed_by, forward.side_speed_by));
     }
 
-    /// The road pushes a tyre into the bend, with the force that turns the body, and takes energy of what
-    /// slides against it: the tyre slides outwards, whichever way it rolls.
+    /// The road pushes a tyre into the bend, with the force that turns the body, and absorbs energy
+    /// of the sliding: the tyre slides outwards, whichever way it rolls.
     #[test]
     fn a_tyre_takes_energy_from_the_drive(vehicle in vehicles(), p in parameters(), drive in readings()) {
         let motion = vehicle.motion(drive, &p);

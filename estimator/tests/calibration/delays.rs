@@ -53,7 +53,7 @@ fn a_lidar_that_moves_is_seen_the_sooner_the_farther() {
     assert_found(mount(0.03, 0.0), Cause::LidarMount, 15.0);
 }
 
-/// A tenth of a degree an hour is beneath what any window shows.
+/// Asserts that a drift by a tenth of a degree an hour is found: no window shows it.
 fn assert_drift_found(change: Change, cause: Cause) {
     let mut config = SimulationConfig::figure_eight(3);
     config.lidar = poses();

@@ -21,11 +21,11 @@ pub enum Disturbance {
     OneSided,
     /// A loop of straights and left turns.
     LeftLoop,
-    /// The steering sensor stands still at its last reading.
+    /// Steering sensor that stands still at its last reading.
     StuckSteering,
-    /// Somebody pushes the robot: the LiDAR moves, the wheels do not turn.
+    /// Robot that somebody pushes: the LiDAR moves, the wheels do not turn.
     Pushed,
-    /// The wheels turn in the air: the LiDAR stands.
+    /// Wheels that turn in the air: the LiDAR stands.
     WheelLift,
 }
 
@@ -89,7 +89,7 @@ fn small_car(config: &mut SimulationConfig) {
     config.speed.acceleration_mps2 = 1.5;
 }
 
-/// Holds the LiDAR for five seconds while the wheels go on, and lets all that follows come later.
+/// Holds the LiDAR for five seconds while the wheels turn, and delays all later messages.
 #[derive(Default)]
 struct WheelLift {
     last_pose: Option<LidarPose>,

@@ -118,9 +118,9 @@ fn a_scanner_of_5_hz_does_not_turn_the_mount_on_a_loop_to_one_side() {
     }
 }
 
-/// The beams of a tilted scanner meet the floor 11 m ahead, in a line that comes along with the robot. Taken
-/// for a wall it bends the LiDAR's way by degrees: of 180 robots with such a scanner, seven were reported as
-/// faulty, again and again.
+/// Beams of a tilted scanner that meet the floor 11 m ahead, in a line that comes along with the
+/// robot. As a wall it bends the LiDAR's way by degrees: of 180 robots with such a scanner, seven
+/// were reported as faulty, again and again.
 #[test]
 fn a_tilted_scanner_is_no_fault_and_no_false_claim() {
     let routes = [
@@ -163,7 +163,7 @@ fn a_tilted_scanner_is_no_fault_and_no_false_claim() {
     }
 }
 
-/// A slow scanner that sees the floor may be taken for one that does not turn. Its odometry then bends once a
+/// Slow scanner that sees the floor and may be judged not to turn. Its odometry then bends once a
 /// lap: three robots, this one on three routes, reported 46 faults in half an hour.
 #[test]
 fn a_scanner_that_turns_after_all_is_no_fault_and_no_false_claim() {
@@ -197,8 +197,9 @@ fn assert_turns(run: &Driven, scan_s: f64, name: &str) {
     );
 }
 
-/// A LiDAR that has long been known is turned by half a degree, or put to another place, and tilted by one degree
-/// at once: the floor in its view takes away what was learnt, but not the word of what has changed.
+/// LiDAR that has long been known, turned by half a degree, or put to another place, and tilted by
+/// one degree at once: the floor in its view removes what was learnt, but the change is still
+/// reported.
 #[test]
 fn a_lidar_that_is_knocked_out_of_level_after_minutes_is_flagged_as_moved() {
     let by_half_a_degree = Pose2::new(0.0, 0.0, 0.5_f64.to_radians());

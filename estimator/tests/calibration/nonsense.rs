@@ -99,7 +99,7 @@ fn the_angle_of_a_fast_steering_box_leads_to_no_false_claim() {
     }
 }
 
-/// The angle of a steering column: fifteen times what the wheels do, and often more than they could.
+/// The angle of a steering column: fifteen times the wheels', and often more than they could.
 #[test]
 fn the_angle_of_a_steering_column_teaches_nothing() {
     assert_never_converged("column", |_, sample| sample.steering_rad *= 15.0);
@@ -119,7 +119,7 @@ fn steering_that_turns_the_other_way_teaches_nothing() {
     });
 }
 
-/// The NIS is a hundred times what it should be and more.
+/// Encoders that make the NIS a hundred times too large and more.
 #[test]
 fn a_dead_or_random_encoder_teaches_nothing() {
     assert_never_converged("dead", |_, sample| sample.steering_rad = 0.0);

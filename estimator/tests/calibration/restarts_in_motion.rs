@@ -1,5 +1,5 @@
-//! A service that is killed in mid-drive goes on from its checkpoint: it still knows the vehicle and
-//! its scanner, and takes nothing for a change.
+//! Restarts of a service that is killed in mid-drive and continues from its checkpoint: it still
+//! knows the vehicle and its scanner, and flags no change.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::estimate::Change;

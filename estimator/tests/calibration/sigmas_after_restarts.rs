@@ -1,5 +1,5 @@
-//! Another process takes a robot over from its last checkpoint: a minute later it is as certain as one that
-//! was never interrupted.
+//! Takeovers of a robot by another process from its last checkpoint: a minute later it is as
+//! certain as one that was never interrupted.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::{Calibrator, Checkpoint, Event};
@@ -95,9 +95,9 @@ fn a_minute_after_a_takeover_nearly_nothing_is_less_certain() {
     }
 }
 
-/// The sigma of `y` holds what an encoder beside the axle may have moved, by the curve of the steering: on a
-/// loop with its turns mostly to one side that must not be the error of the curve's estimate, which changes
-/// with each new local map.
+/// Sigma of `y` includes the possible effect of an encoder beside the axle, by the curve of the
+/// steering: on a loop with its turns mostly to one side that must not be the error of the curve's
+/// estimate, which changes with each new local map.
 #[test]
 fn a_restart_that_loses_no_message_leaves_y_as_certain_on_loops_to_one_side() {
     for number in 0..ONE_SIDED_SEEDS {

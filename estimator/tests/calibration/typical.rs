@@ -12,11 +12,11 @@ use rand_distr::StandardNormal;
 use crate::drawn::drawn;
 use crate::drive::{Driven, FOUR, drive, error_of, poses, published_nees, vehicle_of};
 
-/// A tugger of which everything is drawn from the priors that docs/assumptions.md publishes, on the eight or
-/// in aisles by its seed. Asymmetry and quadratic curve are small on every other vehicle, as the filter takes
-/// them to be until the data ask for more. With the sensors' priors too, every other one has an encoder that
-/// nothing makes tremble, and of every 32 vehicles 16 send raw scans of biased ranges, four of them without
-/// saying when their beams are taken.
+/// A tugger of which everything is drawn from the priors that docs/assumptions.md publishes, on the
+/// eight or in aisles by its seed. Asymmetry and quadratic curve are small on every other vehicle,
+/// as the filter assumes them until the data need more. With the sensors' priors too, every other
+/// one has an encoder that nothing makes tremble, and of every 32 vehicles 16 send raw scans of
+/// biased ranges, four of them without the times of their beams.
 fn drawn_from_priors(seed: u64, sensors_too: bool) -> (SimulationConfig, CalibratorConfig) {
     let (mut config, calibrator) = drawn(seed);
     // Another stream than that of `drawn`, whose vehicles stay the same.
@@ -138,8 +138,9 @@ fn assert_true(run: &Driven, name: &str) {
     }
 }
 
-/// A speed encoder beside the axle and a curve of the steering that hide each other among them: where nobody
-/// said where the speed is measured, the LiDAR's y is not claimed on a robot that is imperfect in many ways.
+/// Robots with all typical imperfections, among them a speed encoder beside the axle and a curve of
+/// the steering that hide each other: where nobody stated where the speed is measured, the LiDAR's
+/// y is not claimed on a robot that is imperfect in many ways.
 #[test]
 fn a_robot_with_all_typical_imperfections_makes_no_false_claim() {
     for (route_name, route) in routes() {
@@ -168,8 +169,8 @@ fn an_imperfect_robot_on_a_loop_of_left_turns_makes_no_false_claim() {
     }
 }
 
-/// Robot whose owner is asked where the speed is measured: no driving shows it, so none is asked
-/// for.
+/// Robot whose owner has to state where the speed is measured: no driving shows it, so none is
+/// asked for.
 #[test]
 fn a_robot_whose_y_waits_for_the_place_of_its_speed_encoder_says_so() {
     let (route_name, route) = routes()[0].clone();
@@ -208,9 +209,9 @@ fn a_coarse_encoder_that_shows_one_reading_on_every_straight_is_not_believed_bey
     }
 }
 
-/// Rear wheels of unequal size shift what is found of the LiDAR's y by millimetres, and show of it a
-/// steering curve too small to see. Of seeds 1 to 150 on these two routes, these were false at some moment, by
-/// up to 4.7 sigmas; the constant was chosen on them.
+/// Rear wheels of unequal size, which shift the estimate of the LiDAR's y by millimetres, and show
+/// only as a steering curve too small to see. Of seeds 1 to 150 on these two routes, these were
+/// false at some moment, by up to 4.7 sigmas; the constant was chosen on them.
 #[test]
 fn a_robot_with_unequal_wheels_makes_no_false_claim() {
     let [(_, eight), (_, aisles), _] = routes();

@@ -9,11 +9,11 @@ use super::submap::{Cell, FreeSpace, KnownMap, LocalOrigin, RAY_STRIDE, Submap};
 use crate::RobotTime;
 use crate::geometry::Pose2;
 
-/// The map is updated when the LiDAR has moved this far, m.
+/// Way of the LiDAR after which the map is updated, m.
 const UPDATE_DISTANCE_M: f64 = 0.2;
-/// The map is updated when the LiDAR has turned this far, rad.
+/// Turn of the LiDAR after which the map is updated, rad.
 const UPDATE_ANGLE_RAD: f64 = 0.1;
-/// The map is updated at the latest after this time, s.
+/// Longest time after which the map is updated, s.
 const UPDATE_PERIOD_S: f64 = 2.0;
 /// Scans after the first that all go into the map.
 const UPDATES_AT_START: u32 = 5;

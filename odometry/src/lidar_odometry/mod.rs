@@ -156,10 +156,10 @@ impl Default for LidarOdometry {
 }
 
 impl LidarOdometry {
-    /// Odometry in a map that was made before, from a start known to half a metre and 15 degrees;
-    /// farther off it says that it is lost, and looks around for the place. Poses are the LiDAR's
-    /// in the map. What the LiDAR sees beside the map it keeps as it does without one; the map
-    /// itself never changes. A grid says where a wall is to within half a cell, so motions over a
+    /// Localises in a map that was made before, from a start known to half a metre and 15 degrees;
+    /// farther off it reports that it is lost, and looks around for the place. Poses are the
+    /// LiDAR's in the map. Beside the map it keeps the LiDAR's surroundings as it does without one;
+    /// the map itself never changes. A grid places a wall to within half a cell, so motions over a
     /// few metres are known better without it.
     ///
     /// # Errors

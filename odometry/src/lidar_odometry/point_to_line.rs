@@ -281,8 +281,8 @@ impl Alignment<'_> {
         terms
     }
 
-    /// A point against its line: derivatives, residual and robust weight (Geman-McClure). The errors
-    /// of the scanner's ranges are taken out of the point and of the line alike.
+    /// Compares a point with its line: derivatives, residual and robust weight (Geman-McClure). The
+    /// errors of the scanner's ranges are subtracted from the point and from the line alike.
     #[inline]
     pub fn seen(&self, motion: &LocalMotion, block: &Block, laid: &Laid, i: usize) -> Seen {
         let (qx, qy) = (laid.qx[i], laid.qy[i]);
@@ -308,8 +308,8 @@ impl Alignment<'_> {
         }
     }
 
-    /// The information of the surfaces that face `direction` (LiDAR's frame) on the position
-    /// along it: the others tell of it only through the noise of their normals.
+    /// The information of the surfaces that face `direction` (LiDAR's frame) on the position along
+    /// it: the others show it only through the noise of their normals.
     pub fn information_facing(&self, motion: &LocalMotion, direction: Vector2<f64>) -> f64 {
         let (ex, ey) = (direction.x as f32, direction.y as f32);
         let mut sum = 0.0;

@@ -1,11 +1,12 @@
-//! Systematic errors of a scanner, learnt from the surfaces that it sees twice:
-//! a bias of its ranges, and how long it takes for a scan whose beams carry no times.
+//! Systematic errors of a scanner, learnt from the surfaces that it sees twice: a bias of its
+//! ranges, and the duration of a scan whose beams carry no times.
 //!
-//! The measured range of a surface met at the incidence `phi` is taken as `r + b + c (1 - cos phi)`.
-//! A line drawn from points seen under one incidence and met again under another one is off by
-//! `b (cos phi - cos phi_map) + c (g(cos phi) - g(cos phi_map))` with `g(x) = x - |x| x`: that tells
-//! `b` and `c` from each other and from the motion. A beam taken at the part `s` of the scan moves
-//! with its duration `T` by `s (v + omega x q)`: turns and speed tell `T`.
+//! The measured range of a surface met at the incidence `phi` is modelled as
+//! `r + b + c (1 - cos phi)`. A line drawn from points seen under one incidence and met again under
+//! another one is off by `b (cos phi - cos phi_map) + c (g(cos phi) - g(cos phi_map))` with
+//! `g(x) = x - |x| x`: that distinguishes `b` and `c` from each other and from the motion. A beam
+//! taken at the part `s` of the scan moves with its duration `T` by `s (v + omega x q)`: turns and
+//! speed determine `T`.
 
 use std::f64::consts::TAU;
 
@@ -65,7 +66,8 @@ const REMAP_SCANS: u32 = 60;
 /// Part of the evidence that is kept then, and when the floor is found in it: it came from a
 /// distorted map.
 const KEPT_BY_REMAP: f64 = 0.1;
-/// Largest duration that is looked for, as a multiple of what the time between scans leaves.
+/// Largest duration that is looked for, as a multiple of the longest that the time between scans
+/// allows.
 const DURATION_MAX: f64 = 1.1;
 /// Least uncertainty of a scan's duration, s (one sigma): before a second one was received.
 const DURATION_SIGMA_MIN_S: f64 = 1e-3;

@@ -29,7 +29,7 @@ const ALIGNED_AFTER_S: f64 = 3.0;
 const ALIGNED_MESSAGES_MIN: u64 = 10;
 /// Streams of which the ages differ by more are compared by arrival, s.
 const ALIGN_MIN_S: f64 = 1.0;
-/// Longest time between two poses that say how the LiDAR moved, s.
+/// Longest time between two poses that give a motion of the LiDAR, s.
 const MOTION_GAP_MAX_S: f64 = 1.0;
 /// Way over which a loss of LiDAR odometry may show in the motion, m.
 const LOST_OF_LATE_M: f64 = 60.0;
@@ -54,7 +54,7 @@ pub struct Head<'m> {
     pub stream: Stream,
     /// Its header stamp.
     pub stamp: RobotTime,
-    /// Name of its frame: of a pose, that of what is at the pose.
+    /// Name of its frame: of a pose, the frame that is at the pose.
     pub frame: &'m str,
     /// Time of arrival, ns, by a clock that is the same for all streams.
     pub arrival_ns: i64,

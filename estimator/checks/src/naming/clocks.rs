@@ -18,7 +18,7 @@ const DISAGREES: f64 = 0.6;
 const SCALES: [(f64, &str); 2] = [(18.0, "GPS time"), (37.0, "TAI")];
 /// Way before two vehicles are distinguished, m.
 const OTHER_WAY_MIN_M: f64 = 15.0;
-/// A LiDAR that turns less than this stays straight, rad/s, while angles as wide as this steer, rad.
+/// Largest yaw rate of a LiDAR that stays straight, rad/s, while angles as wide as this steer, rad.
 const TURN_MIN_RADPS: f64 = 0.03;
 const STEERED_MIN_RAD: f64 = 0.1;
 

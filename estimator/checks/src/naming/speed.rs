@@ -36,9 +36,9 @@ const EXPLAINED: f64 = 0.85;
 const BACKWARDS_RAD: f64 = 2.1;
 /// Shares of driving against the sign that are neither noise nor all of it.
 const FLIPPED: std::ops::Range<f64> = 0.01..0.99;
-/// No LiDAR is mounted so near the rear axle's middle, m and rad.
+/// Distance from the rear axle's middle, m and rad, within which no LiDAR is mounted.
 const BASE_MAX: f64 = 0.01;
-/// A drawing's yaw is wrong by no more, rad.
+/// Largest error of a drawing's yaw, rad.
 const NOMINAL_OFF_RAD: f64 = 0.5 * PI;
 
 /// Names a wrong speed; returns true if the rest can be judged by it.

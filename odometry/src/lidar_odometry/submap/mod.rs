@@ -220,8 +220,8 @@ impl Submap {
     /// The line through a window less the side on which another surface begins, where there is one:
     /// without it the points scatter less across their line, and more so than by chance.
     ///
-    /// Corners of boxes stick out, so that lines laid around them lie too far back, and a scan held
-    /// against those looks too small. A rolling scan takes that for a motion to its side: its
+    /// Corners of boxes stick out, so that lines laid around them lie too far back, and a scan
+    /// compared with those looks too small. A rolling scan shows that as a motion to its side: its
     /// turns came out displaced by 0.4 mm a radian.
     fn without_corner(&self, near: &Neighbours<'_, NEAR>, whole: &Fitted) -> Option<Line> {
         if whole.across_m2 < self.quality.noise_m2 {

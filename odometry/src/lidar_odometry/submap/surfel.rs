@@ -239,7 +239,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// No line in this cell.
+    /// Absence of a line in a cell.
     pub const NONE: Self = Self {
         nx: 0.0,
         ny: 0.0,
