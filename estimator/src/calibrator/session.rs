@@ -157,7 +157,7 @@ impl Session {
         }
     }
 
-    /// Begin of the current stretch of an unchanged vehicle, s.
+    /// Start of the current stretch of an unchanged vehicle, s.
     fn segment_from_s(&self) -> f64 {
         self.segments.last().map_or(0.0, |segment| segment.to_s)
     }

@@ -119,7 +119,7 @@ pub struct Cut<K> {
     pub complete_at_end: Option<(Window, K)>,
 }
 
-/// Begin of a window, and the knowledge then.
+/// Start of a window, and the knowledge then.
 #[derive(Debug, Clone)]
 struct Begin<K> {
     reading: OdometryReading,
@@ -427,7 +427,7 @@ mod tests {
     }
 
     /// Cuts so many poses of a straight way; returns the numbers at which windows end, and for each
-    /// complete one the numbers of its begin, its end and the one that was known at its begin.
+    /// complete one the numbers of its start, its end and the one that was known at its start.
     fn cut(
         cutter: &mut WindowCutter<i64>,
         poses: i64,

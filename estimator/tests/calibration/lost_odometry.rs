@@ -124,8 +124,8 @@ impl Taken {
     }
 }
 
-/// Asserts that it is reported once, as a change of the vehicle from outside, and that the
-/// calibration stays.
+/// Asserts that it is reported once, as something that was done to the vehicle; the calibration
+/// stays.
 fn assert_taken(seed: u64, held_s: f64, moved: Pose2) {
     let mut config = SimulationConfig::figure_eight(seed);
     config.lidar = poses();

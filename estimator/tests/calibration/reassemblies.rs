@@ -11,7 +11,7 @@ use crate::drive::{event_of, poses, vehicle_of};
 
 /// Turn of the LiDAR's yaw in the workshop, rad.
 const MOVED_RAD: f64 = 0.021;
-/// Begin of a drive's stamps after the first one's, ns: after the workshop,
+/// Start of a drive's stamps after the first one's, ns: after the workshop,
 const LATER_NS: i64 = 300_000_000_000;
 /// by a clock that begins again with each drive, and by one that is set back an hour.
 const CLOCKS_BACK_NS: [i64; 2] = [0, -3_600_000_000_000];
