@@ -17,7 +17,7 @@ use crate::filter::{
     ASYMMETRY, CUBIC, Filter, QUADRATIC, STEERING_LAG, STEERING_PLAY, STEERING_SPREAD, Values,
 };
 
-/// Excess of the error of imperfections together over their sum: behind a lag the wheel takes up its
+/// Excess in error of imperfections together over their sum: behind a lag the wheel takes up its
 /// play later than the sensor, and stands between the encoder's steps. On two-sided routes that
 /// cancels. 600 simulated robots with every typical imperfection on a loop of left turns had
 /// steering zeros off by 0.041 degrees (root mean square) where the filter's sigma is 0.032

@@ -77,7 +77,8 @@ fn the_same_robots_converge_on_what_they_measured() {
     }
 }
 
-/// Robots with a fast steering box: the way straight ahead shows the LiDAR's yaw, which may be known.
+/// Robots with a fast steering box: the way straight ahead shows the LiDAR's yaw, which may be
+/// known.
 #[test]
 fn the_angle_of_a_fast_steering_box_leads_to_no_false_claim() {
     for (name, route) in routes() {

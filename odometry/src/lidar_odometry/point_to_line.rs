@@ -70,11 +70,11 @@ pub struct Laid {
 
 /// A point of a block against its line.
 pub struct Seen {
-    /// Derivatives of the residual by the pose.
+    /// Derivative of the residual by x of the pose.
     pub jx: f32,
-    /// By y.
+    /// Derivative by y.
     pub jy: f32,
-    /// By yaw.
+    /// Derivative by yaw.
     pub jt: f32,
     /// Cosine of the incidence, signed by the line's normal.
     pub cos: f32,

@@ -57,7 +57,8 @@ pub struct RecordedRobot {
 }
 
 impl RobotArguments {
-    /// Determines the robot of a recording: the flags first, then the configuration file, then the recording.
+    /// Determines the robot of a recording: by the flags first, then the configuration file, then
+    /// the recording.
     ///
     /// Returns an error when the file, a flag or the recording's topics cannot be used, or the
     /// wheelbase is missing.
