@@ -14,6 +14,7 @@ export type Route =
   | { page: 'health' }
   | { page: 'setup' }
   | { page: 'account' }
+  | { page: 'help' }
   | { page: 'missing'; path: string };
 
 /** Pages that are an address and nothing else. */
@@ -26,7 +27,11 @@ const PLAIN: Record<string, Route> = {
   '/health': { page: 'health' },
   '/setup': { page: 'setup' },
   '/account': { page: 'account' },
+  '/help': { page: 'help' },
 };
+
+/** Addresses of the service that are no pages of ours: the browser follows them itself. */
+const ELSEWHERE = /^\/(api|docs)(\/|$)|\.[a-z]+$/;
 
 /** The page at `path`. */
 export function route(path: string): Route {
@@ -161,7 +166,7 @@ class Place {
       const link = (event.target as Element | null)?.closest('a');
       if (!link || link.target !== '' || link.hasAttribute('download')) return;
       const href = new URL(link.href, location.href);
-      if (href.origin !== location.origin || href.pathname.startsWith('/api/')) return;
+      if (href.origin !== location.origin || ELSEWHERE.test(href.pathname)) return;
       if (href.hash !== '' && href.pathname === location.pathname) return;
       event.preventDefault();
       this.go(href.href);

@@ -43,6 +43,6 @@ export function presentOf(
   const sigmas = Math.max(...values.map((one) => one.sigmas ?? 0));
   const reassembled = robot.estimate?.reassembly_open === true;
   const known = !reassembled && robot.state === 'calibrated';
-  const holds = known ? !outdated : null;
+  const holds = outdated ? false : known || null;
   return { values, sigmas, holds, reassembled };
 }

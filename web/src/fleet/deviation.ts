@@ -1,9 +1,10 @@
 /** How far a robot's estimate was from what it used at the time. */
 
-import type { HistoryDocument, Tolerance, Values } from '../api/types';
+import type { HistoryDocument, Robot, Tolerance, Values } from '../api/types';
 import type { AppliedStep } from '../robot/applied';
 import { CALIBRATED } from '../units/parameters';
-import { accepted, difference, valueOf } from '../units/values';
+import { accepted, type Calibrated, difference, valueOf } from '../units/values';
+import { againstApplied } from './comparison';
 
 /**
  * What a robot used at a time. Without steps nothing was ever deployed, and it used `in_use` all
@@ -43,4 +44,44 @@ export function deviations(
     }
     return worst;
   });
+}
+
+/** Where the scale of bars and sparklines ends, tolerances: what is farther off ends there too. */
+const SCALE_END = 15;
+
+/**
+ * How far along that scale a deviation lies, 0 to 1. All bars and lines share it, so that they can
+ * be compared; it is a logarithm, so that a slow drift shows beside a knock.
+ */
+export function along(tolerances: number): number {
+  return Math.min(1, Math.log1p(tolerances) / Math.log1p(SCALE_END));
+}
+
+/** How far a robot's estimate is from what it uses, in tolerances. */
+export interface Deviation {
+  /** Value by value, in the order of {@link CALIBRATED}; null where one is not known. */
+  each: (number | null)[];
+  /** That of the value which is farthest; null while none is known. */
+  worst: number | null;
+  /** Which value that is. */
+  name: Calibrated | null;
+}
+
+/**
+ * The deviation of a robot now. The service has no such figure in its answers: this is the pages'
+ * own, out of the served estimate, values in use and tolerance (`propose_beyond`). A value that is
+ * not converged has none.
+ */
+export function deviationOf(robot: Robot, tolerance: Tolerance | undefined): Deviation {
+  const compared = againstApplied(robot, tolerance);
+  const each = CALIBRATED.map((name, i) => {
+    const change = compared?.[i]?.change ?? null;
+    const known = robot.estimate?.parameters[name].status === 'converged';
+    return tolerance && known && change !== null
+      ? Math.abs(change) / accepted(tolerance, name)
+      : null;
+  });
+  const worst = Math.max(-1, ...each.map((one) => one ?? -1));
+  if (worst < 0) return { each, worst: null, name: null };
+  return { each, worst, name: CALIBRATED[each.indexOf(worst)] ?? null };
 }

@@ -38,6 +38,20 @@ export class Week {
   }
 }
 
+/**
+ * The span of every line, s: a week as soon as one of the robots has been there for longer than the
+ * shorter span, so that lines below each other are of the same time.
+ */
+class Span {
+  s = $state(YOUNG_S);
+
+  get words(): string {
+    return this.s === WEEK_S ? '7 d' : '3 h';
+  }
+}
+
+export const span = new Span();
+
 const weeks = new Map<string, Week>();
 const rows = new WeakMap<Element, { week: Week; robot: Robot }>();
 const queue: { week: Week; robot: Robot }[] = [];
@@ -70,7 +84,9 @@ async function read(week: Week, robot: Robot): Promise<void> {
       max_points: String(POINTS_MAX),
     });
     week.history = (await get<HistoryDocument>(`${robotUrl(robot.id)}/history?${query}`)).body;
-    if (week.history.time.length >= POINTS_MIN) return;
+    if (week.history.time.length < POINTS_MIN) continue;
+    span.s = Math.max(span.s, span_s);
+    return;
   }
 }
 

@@ -13,5 +13,5 @@ class Narrow {
 /** For that of proposals, which has eleven. */
 export const narrowForProposals = new Narrow(1_419);
 
-/** For the fleet's, which has ten. */
-export const narrowForFleet = new Narrow(1_259);
+/** For the fleet's, which has six. */
+export const narrowForFleet = new Narrow(899);
