@@ -31,7 +31,7 @@ const PLAIN: Record<string, Route> = {
 };
 
 /** Addresses of the service that are no pages of ours: the browser follows them itself. */
-const ELSEWHERE = /^\/(api|docs)(\/|$)|\.[a-z]+$/;
+const ELSEWHERE = /^\/(api|docs|licenses\.md)(\/|$)/;
 
 /** The page at `path`. */
 export function route(path: string): Route {
@@ -123,6 +123,19 @@ function scrollBack(to_px: number): () => void {
   return stop;
 }
 
+/** Goes to what a fragment names, as soon as the page has it, and puts the focus there. */
+function goToFragment(hash: string): void {
+  const until_ms = performance.now() + HEIGHT_WITHIN_MS;
+  const step = () => {
+    const element = document.getElementById(decodeURIComponent(hash.slice(1)));
+    if (element) {
+      element.scrollIntoView();
+      element.focus({ preventScroll: true });
+    } else if (performance.now() < until_ms) requestAnimationFrame(step);
+  };
+  requestAnimationFrame(step);
+}
+
 /** Where the reader is. Everything that depends on the address derives from it. */
 class Place {
   url = $state.raw(new URL(globalThis.location?.href ?? 'http://localhost/'));
@@ -142,10 +155,10 @@ class Place {
     if (replace) history.replaceState(history.state, '', next);
     else if (next.href !== this.url.href) history.pushState(null, '', next);
     this.url = next;
-    if (!samePage) {
-      scrollTo(0, 0);
-      focusHeading();
-    }
+    if (samePage) return;
+    scrollTo(0, 0);
+    if (next.hash === '') focusHeading();
+    else goToFragment(next.hash);
   }
 
   /** Follows links and the back button; returns how to stop. */
@@ -195,7 +208,9 @@ class Place {
 
   #scrollBack(): void {
     this.#scrolling();
-    this.#scrolling = scrollBack((history.state as Entry | null)?.scroll_px ?? 0);
+    const { scroll_px } = (history.state as Entry | null) ?? {};
+    if (scroll_px === undefined && location.hash !== '') goToFragment(location.hash);
+    else this.#scrolling = scrollBack(scroll_px ?? 0);
   }
 }
 
