@@ -57,3 +57,21 @@ export function crossTrackCsv({ items, bin_width_m, from_m }: CrossTrackErrors):
   ]);
   return [head, ...rows].map((row) => row.join(',')).join('\r\n') + '\r\n';
 }
+
+/** What the present calibration has done for the robot's path following. */
+export interface Gain {
+  /** RMS with the former calibration, mm; null while the robot has used only one. */
+  before_mm: number | null;
+  /** RMS with the present one, mm. */
+  now_mm: number;
+  /** By how much less, as a share; below zero where it became more. */
+  less: number | null;
+}
+
+/** The gain out of the errors of both; null while nothing was reported. */
+export function gainOf(found: BeforeAfter | null): Gain | null {
+  if (!found) return null;
+  const now_mm = found.after.rms_m * 1000;
+  const before_mm = found.before ? found.before.rms_m * 1000 : null;
+  return { before_mm, now_mm, less: before_mm ? 1 - now_mm / before_mm : null };
+}

@@ -104,10 +104,9 @@ export class History {
     this.events = joined(this.events, [event]);
   }
 
-  /** Reads everything, and again now and then; returns how to stop. */
+  /** Reads what the window holds, and again now and then; returns how to stop. */
   run(): () => void {
     void this.load();
-    void this.loadEvents();
     const timer = setInterval(() => {
       if (!this.#follows()) void this.load();
     }, REREAD_EVERY_MS);

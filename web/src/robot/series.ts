@@ -65,8 +65,8 @@ const MIXED_FACTOR = 5;
 
 /**
  * What a chart draws; where data are missing stands a row of nulls, which it shows as a gap. An
- * unobservable value is only what was assumed before, so it has a band and no line; the same goes
- * for a stretch in which it has become observable, whose mean is of both. Highest and lowest value
+ * unobservable value is only what was assumed before, so it is not drawn; the same goes for a
+ * stretch in which it has become observable, whose mean is of both. Highest and lowest value
  * are those of converged stretches once there are any, and of none that is alone: while it is learnt
  * a value may be anywhere, and must not set the axis.
  */
@@ -83,7 +83,7 @@ export function columns(series: Series, name: ParameterName, bucket_s: number): 
     const band = (series.sigma[i] ?? Number.NaN) * factor * BAND_SIGMAS;
     const status = series.status[i];
     if (status === 'unobservable' || isMixed(series, i, bucket_s, gap_s)) {
-      push(out, [t_s, mean + band, mean - band, null, null, null]);
+      push(out, [t_s, null, null, null, null, null]);
       return;
     }
     if ((converges && status !== 'converged') || isAlone(series, i, bucket_s, gap_s)) {
@@ -117,6 +117,18 @@ function isMixed(series: Series, i: number, bucket_s: number, gap_s: number): bo
 function isAlone({ t_s }: Series, i: number, bucket_s: number, gap_s: number): boolean {
   const at = (k: number) => t_s[k] ?? Number.NaN;
   return bucket_s > 1 && !(at(i) - at(i - 1) <= gap_s) && !(at(i + 1) - at(i) <= gap_s);
+}
+
+/** Stretches in which the value was not observable, from the first to the last point of each. */
+export function unknownStretches({ t_s, status }: Series): [from_s: number, to_s: number][] {
+  const found: [number, number][] = [];
+  t_s.forEach((at_s, i) => {
+    if (status[i] !== 'unobservable') return;
+    const last = status[i - 1] === 'unobservable' ? found.at(-1) : undefined;
+    if (last) last[1] = at_s;
+    else found.push([at_s, at_s]);
+  });
+  return found;
 }
 
 /** Points of the value's line without a neighbour, which no line would show. */
