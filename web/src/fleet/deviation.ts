@@ -68,19 +68,23 @@ export interface Deviation {
 }
 
 /**
- * The deviation of a robot now. The service has no such figure in its answers: this is the pages'
- * own, out of the served estimate, values in use and tolerance (`propose_beyond`). A value that is
- * not converged has none.
+ * How far each value of a robot's estimate is from what it uses, in tolerances with its sign; null
+ * for one that is not converged or has nothing to compare with. The service has no such figure in
+ * its answers: this is the pages' own, out of the served estimate, values in use and tolerance
+ * (`propose_beyond`).
  */
-export function deviationOf(robot: Robot, tolerance: Tolerance | undefined): Deviation {
+export function tolerancesOff(robot: Robot, tolerance: Tolerance | undefined): (number | null)[] {
   const compared = againstApplied(robot, tolerance);
-  const each = CALIBRATED.map((name, i) => {
+  return CALIBRATED.map((name, i) => {
     const change = compared?.[i]?.change ?? null;
     const known = robot.estimate?.parameters[name].status === 'converged';
-    return tolerance && known && change !== null
-      ? Math.abs(change) / accepted(tolerance, name)
-      : null;
+    return tolerance && known && change !== null ? change / accepted(tolerance, name) : null;
   });
+}
+
+/** The deviation of a robot now. */
+export function deviationOf(robot: Robot, tolerance: Tolerance | undefined): Deviation {
+  const each = tolerancesOff(robot, tolerance).map((one) => one && Math.abs(one));
   const worst = Math.max(-1, ...each.map((one) => one ?? -1));
   if (worst < 0) return { each, worst: null, name: null };
   return { each, worst, name: CALIBRATED[each.indexOf(worst)] ?? null };
