@@ -99,11 +99,18 @@ function drawTolerance(plot: uPlot, { applied, tolerance }: Levels, fill: string
   plot.ctx.restore();
 }
 
-/** A word at the end of a line, over it or, where that is too high up, under it. */
-function drawLabel(plot: uPlot, text: string, y: number, colours: LevelColours): void {
+/** A word at the end of a line, over or under it; where the axis ends, on the other side. */
+function drawLabel(
+  plot: uPlot,
+  text: string,
+  [y, isOver]: [y: number, isOver: boolean],
+  colours: LevelColours,
+): void {
   const { ctx, bbox } = plot;
   const ratio = devicePixelRatio;
-  const room = 14 * ratio;
+  const room = 20 * ratio;
+  const over = isOver ? y - room > bbox.top : y + room > bbox.top + bbox.height;
+  const at = [bbox.left + bbox.width - 4 * ratio, over ? y - room / 2 : y + room / 2] as const;
   ctx.font = AXIS_FONT.replace(/^\d+/, (size) => String(Number(size) * ratio));
   ctx.textAlign = 'right';
   ctx.textBaseline = 'middle';
@@ -111,10 +118,6 @@ function drawLabel(plot: uPlot, text: string, y: number, colours: LevelColours):
   ctx.lineWidth = 4 * ratio;
   ctx.strokeStyle = colours.surface;
   ctx.fillStyle = colours.applied;
-  const at = [
-    bbox.left + bbox.width - 4 * ratio,
-    y - room > bbox.top ? y - room / 2 - 3 * ratio : y + room / 2 + 3 * ratio,
-  ] as const;
   ctx.strokeText(text, ...at);
   ctx.fillText(text, ...at);
 }
@@ -138,10 +141,14 @@ function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelCo
     ctx.lineTo(to, y);
   });
   ctx.stroke();
+  const proposed_y = proposed === null ? null : plot.valToPos(proposed, 'y', true);
   const last = spans.at(-1);
-  if (last && last[1] === right) drawLabel(plot, 'applied', last[2], colours);
-  if (proposed !== null) {
-    const y = plot.valToPos(proposed, 'y', true);
+  const applied_y = last && last[1] === right ? last[2] : null;
+  // Each word is on the side that the other line is not on.
+  const isAppliedOver = proposed_y === null || applied_y === null || applied_y <= proposed_y;
+  if (applied_y !== null) drawLabel(plot, 'applied', [applied_y, isAppliedOver], colours);
+  if (proposed_y !== null) {
+    const y = proposed_y;
     ctx.lineWidth = 1.5 * devicePixelRatio;
     ctx.strokeStyle = colours.proposed;
     dashes(PROPOSED_DASHES);
@@ -149,7 +156,7 @@ function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelCo
     ctx.moveTo(bbox.left, y);
     ctx.lineTo(right, y);
     ctx.stroke();
-    drawLabel(plot, 'proposed', y, colours);
+    drawLabel(plot, 'proposed', [y, !isAppliedOver || applied_y === null], colours);
   }
   ctx.restore();
 }
