@@ -118,14 +118,33 @@ function want(row: { week: Week; robot: Robot }): void {
 }
 
 let observer: IntersectionObserver | undefined;
+/** Rows in view: their weeks are read again while they stay there. */
+const seen = new Set<Element>();
+let again: ReturnType<typeof setInterval> | undefined;
+
+function see(element: Element, isSeen: boolean): void {
+  const row = rows.get(element);
+  if (isSeen) seen.add(element);
+  else seen.delete(element);
+  if (isSeen && row) want(row);
+  if (seen.size === 0) {
+    clearInterval(again);
+    again = undefined;
+  }
+  again ??= seen.size === 0 ? undefined : setInterval(wantSeen, FRESH_YOUNG_MS);
+}
+
+function wantSeen(): void {
+  for (const element of seen) {
+    const row = rows.get(element);
+    if (row) want(row);
+  }
+}
 
 function observe(element: Element): void {
   observer ??= new IntersectionObserver(
     (entries) => {
-      for (const { isIntersecting, target } of entries) {
-        const row = rows.get(target);
-        if (isIntersecting && row) want(row);
-      }
+      for (const { isIntersecting, target } of entries) see(target, isIntersecting);
     },
     { rootMargin: MARGIN },
   );
@@ -133,10 +152,18 @@ function observe(element: Element): void {
 }
 
 /** Has the week of `robot` read while its element is in view. */
-export function whenSeen(element: Element, robot: Robot): { destroy(): void } {
-  rows.set(element, { week: weekOf(robot.id), robot });
+export function whenSeen(
+  element: Element,
+  robot: Robot,
+): { update(robot: Robot): void; destroy(): void } {
+  const keep = (one: Robot) => rows.set(element, { week: weekOf(one.id), robot: one });
+  keep(robot);
   observe(element);
   return {
-    destroy: () => observer?.unobserve(element),
+    update: keep,
+    destroy: () => {
+      observer?.unobserve(element);
+      see(element, false);
+    },
   };
 }
