@@ -28,6 +28,8 @@ export class History {
   events = $state.raw<RobotEvent[]>([]);
   /** The time under the cursor of all charts, s since 1970. */
   cursor_s = $state<number | null>(null);
+  /** Whether a key has put it there: it then stays at its time while the charts move on. */
+  #isPinned = false;
   #series = new Map<ParameterName, Series>();
   #window: Window;
   #reading: AbortController | undefined;
@@ -46,6 +48,22 @@ export class History {
     return this.#series.get(name) ?? EMPTY;
   }
 
+  /** Puts the cursor at a time by a key, or takes it away. */
+  pin(t_s: number | null): void {
+    this.cursor_s = t_s;
+    this.#isPinned = t_s !== null;
+  }
+
+  /** Takes where a chart has its cursor: where the pointer is, unless a key has put it elsewhere. */
+  hover(t_s: number | null): void {
+    if (!this.#isPinned) this.cursor_s = t_s;
+  }
+
+  /** The time that a key has put the cursor at, or null. */
+  get pinned_s(): number | null {
+    return this.#isPinned ? this.cursor_s : null;
+  }
+
   /** The stretch of time that the charts show. */
   extent(): [from_s: number, to_s: number] {
     const t_s = this.series('steering_offset').t_s;
@@ -56,7 +74,7 @@ export class History {
   show(window: Window): void {
     if (sameWindow(window, this.#window)) return;
     this.#window = window;
-    this.cursor_s = null;
+    this.pin(null);
     void this.load();
   }
 
