@@ -139,16 +139,18 @@ build-for-tests: dashboard rust
 	$(CARGO) build --release --locked --workspace --bins --tests
 	@.ci/dependencies keep $(BUILT)
 
+# More tests at once than processors: many of them wait for processes and for real time.
+WAITING = $$(( $$(nproc) + 1 ))
 # What needs recordings is `make test-recordings`: the rest passes with no folder beside it.
 .PHONY: test-rust
 test-rust: build-for-tests strace python ## Rust tests, end-to-end ones included
 	if $(CARGO) nextest --version >/dev/null 2>&1; then \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
-	    $(CARGO) nextest run --release --locked --workspace --bins --tests -E 'not binary(recordings) and (not binary(cluster) or test(/^(checker|figures|progress)::/))'; \
+	    $(CARGO) nextest run --release --locked --workspace --bins --tests --test-threads $(WAITING) -E 'not test(/^recordings::/) and (not binary(cluster) or test(/^(checker|figures|progress)::/))'; \
 	else \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
 	    $(CARGO) test --release --locked --workspace -- --test-threads 2 \
-	    --skip instances_share_the_robots --skip who_does_not_fit_does_not_start --skip rounds:: \
+	    --skip recordings:: --skip instances_share_the_robots --skip who_does_not_fit_does_not_start --skip rounds:: \
 	    --skip two_instances_cost --skip instances_are_upgraded --skip a_cell_has_as_many \
 	    --skip a_machine_that_is_gone --skip requests_pass_haproxy; \
 	fi
@@ -158,7 +160,7 @@ test-recordings: build-for-tests ## Tests on recordings of real robots, in the f
 	@[ -n "$${FLEETCAL_DATA:-}" ] && [ -d "$$FLEETCAL_DATA" ] \
 	  || { echo "FLEETCAL_DATA: got '$${FLEETCAL_DATA:-}', expected the folder with the recordings." >&2; exit 1; }
 	FLEETCAL_DATA="$$(cd "$$FLEETCAL_DATA" && pwd)" FLEETCAL_BIN=$(abspath $(BIN)) \
-	  $(CARGO) test --release --locked --workspace --test recordings -- --test-threads 1
+	  $(CARGO) test --release --locked --workspace --test end_to_end -- recordings:: --test-threads 1
 
 .PHONY: test-postgres-contract
 test-postgres-contract: build-for-tests ## What PostgreSQL has to do, as SQLite does (installs it where it is missing, as root)
@@ -171,8 +173,10 @@ test-postgres-contract: build-for-tests ## What PostgreSQL has to do, as SQLite 
 test-postgres: build-for-tests python ## Unit tests and end-to-end tests with all services on PostgreSQL: 10 minutes
 	env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
 	  tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace --no-fail-fast \
-	  --lib --test store --test postgres --test service --test http --test agent --test zenoh \
-	  --test plain_robots -- --test-threads 2 --skip a_backup_of_a_running_service_can_be_served \
+	  --lib --test store --test postgres -- --test-threads 2 --skip only_its_owner_reads_the_database
+	env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
+	  tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace --no-fail-fast --test end_to_end -- \
+	  --test-threads 2 service:: http:: agent:: zenoh:: plain_robots:: --skip a_backup_of_a_running_service_can_be_served \
 	  --skip a_database_whose_log_is_gone --skip a_signing_key_without_its_database \
 	  --skip only_its_owner_reads_the_database
 
@@ -242,8 +246,8 @@ cluster-cell: build-for-tests ## 4,096 robots, of which 60 drive, on two instanc
 .PHONY: cluster-floods
 cluster-floods: build-for-tests ## 8 hostile Zenoh sessions for FLEETCAL_ZENOH_FLOOD_S=15, each kind (or those of FLEETCAL_ZENOH_FLOODS) at one of two routers with the generated list, before two instances: 5 minutes, prints losses
 	FLEETCAL_ZENOH_FLOOD_S="$${FLEETCAL_ZENOH_FLOOD_S:-15}" FLEETCAL_BIN=$(abspath $(BIN)) \
-	  tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace --test zenoh -- \
-	  --ignored --nocapture --test-threads 1 mesh::
+	  tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace --test end_to_end -- \
+	  --ignored --nocapture --test-threads 1 zenoh::mesh::
 
 .PHONY: cluster
 cluster: build-for-tests ## Starts a cluster on this machine: two instances, two routers, PostgreSQL and 24 simulated robots
@@ -253,7 +257,7 @@ cluster: build-for-tests ## Starts a cluster on this machine: two instances, two
 .PHONY: kill-rounds-postgres
 kill-rounds-postgres: rust ## Kills the deciding process 150 times, and PostgreSQL under it 150 times: nothing acknowledged may be lost
 	KILL_ROUNDS=150 tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace \
-	  --test durability -- --nocapture kill::
+	  --test end_to_end -- --nocapture durability::kill::
 	CONTRACT_KILLS=150 tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace \
 	  --test postgres -- --nocapture postmaster::
 
@@ -304,8 +308,8 @@ audit: rust ## Dependencies: unmaintained ones with reasons, licences, bans, sou
 	fi
 
 .PHONY: bench
-bench: rust ## Benchmarks of the estimator's stages
-	$(CARGO) bench --locked -p fleetcal-estimator
+bench: rust ## Benchmarks of the odometry's and the estimator's stages
+	$(CARGO) bench --locked -p fleetcal-odometry -p fleetcal-estimator
 
 .PHONY: build-loop
 build-loop: rust ## The developer's loop on an idle machine: touches a file, builds the binary, prints the time
@@ -328,6 +332,11 @@ OLD ?= e58c1a8
 .PHONY: cost-ratio
 cost-ratio: rust ## CPU time of odometry, filter and detection against the commit OLD, in the same run
 	estimator/benches/cost_ratio.sh $(OLD) HEAD
+
+.PHONY: same-bits
+same-bits: OLD = main
+same-bits: rust ## Every value, sigma, status and event against the commit or program OLD, bit for bit, on DRIVES=49 simulated drives and on recordings (FLEETCAL_DATA): a minute beside the builds
+	CARGO=$(CARGO) tests/evaluation/same_bits.sh $(OLD) $(DRIVES)
 
 .PHONY: evaluation
 evaluation: rust ## The paper's evaluation and more: writes docs/evaluation.md, half an hour on two cores
@@ -360,9 +369,16 @@ results-imperfect-robots: rust ## Figures of typical imperfections by poses, RES
 	  --figures docs/results/data/imperfect_robots.jsonl --commit $$(git describe --always --dirty --exclude '*') --date $$(date +%F)
 	$(dir $(BIN))results
 
+.PHONY: results-joining-checks
+results-joining-checks: rust ## Wrong inputs and what is named of them, and of 735 robots whose inputs are right: some minutes
+	$(CARGO) build --release --locked -p fleetcal-evaluation --bin joining_checks --bin results
+	$(dir $(BIN))joining_checks --figures docs/results/data/joining_checks.jsonl \
+	  --commit $$(git describe --always --dirty --exclude '*') --date $$(date +%F)
+	$(dir $(BIN))results
+
 .PHONY: load
 load: build ## 50 robots at once: prints the CPU time per robot-second and sample, and the share of the CPU
-	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture
+	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test end_to_end -- --nocapture load::
 
 # What a campaign has done stands in its file here; `rm` begins it again.
 HARDENING := $(abspath $(BUILT))/hardening
@@ -375,7 +391,7 @@ hardening-http: build-for-tests ## 2,600 silent, slow and never-reading HTTP con
 	  echo "the flood of HTTP was withstood at this commit already: $(HARDENING)/http.seeds"; \
 	else \
 	  FLEETCAL_HTTP_FLOOD_S=600 FLEETCAL_BIN=$(abspath $(BIN)) \
-	    $(CARGO) test --release --locked --workspace --test http -- --nocapture flood:: && \
+	    $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture http::flood:: && \
 	  echo "flood 600 $(COMMIT)" >> $(HARDENING)/http.seeds; \
 	fi
 
@@ -388,21 +404,21 @@ hardening: hardening-store hardening-http hardening-zenoh hardening-process kill
 
 .PHONY: hardening-zenoh
 hardening-zenoh: build-for-tests ## 8 hostile Zenoh sessions for FLEETCAL_ZENOH_FLOOD_S=60, each kind (or those of FLEETCAL_ZENOH_FLOODS) against either access list: half an hour, prints losses
-	FLEETCAL_ZENOH_FLOOD_S="$${FLEETCAL_ZENOH_FLOOD_S:-60}" FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --include-ignored --nocapture --test-threads 1 floods::
+	FLEETCAL_ZENOH_FLOOD_S="$${FLEETCAL_ZENOH_FLOOD_S:-60}" FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test end_to_end -- --include-ignored --nocapture --test-threads 1 zenoh::floods::
 
 .PHONY: hardening-growth
 hardening-growth: build-for-tests ## GROWTH_MINUTES=60 of each flood and of none: prints what database and log grow by, nine hours
-	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --ignored --nocapture growth::
+	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test end_to_end -- --ignored --nocapture zenoh::growth::
 
 .PHONY: hardening-process
 hardening-process: build-for-tests ## HARDENING_N=200 kills inside migrations and SIGTERMs under load; stopped for a minute; 64 file descriptors; 256 MiB (root)
 	HARDENING_N=$(HARDENING_N) HARDENING_STOPPED_S=$(STOPPED_S) HARDENING_SEEDS=$(SEEDS_PASSED) FLEETCAL_BIN=$(abspath $(BIN)) \
-	  nice $(CARGO) test --release --locked --workspace --test durability -- --nocapture --test-threads 1 lifecycle:: && \
-	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test durability -- --ignored --nocapture memory::
+	  nice $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture --test-threads 1 durability::lifecycle:: && \
+	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test end_to_end -- --ignored --nocapture durability::memory::
 
 .PHONY: soak
 soak: build-for-tests ## 50 robots for SOAK_MINUTES=120 with a flood of each kind in turn: prints memory, files and threads
-	SOAK_MINUTES=$(or $(SOAK_MINUTES),120) FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --ignored --nocapture soak::
+	SOAK_MINUTES=$(or $(SOAK_MINUTES),120) FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test end_to_end -- --ignored --nocapture zenoh::soak::
 
 .PHONY: encoders
 encoders: rust ## 10,000 random messages of each type by rosbags and pycdr2 (PyPI): same bytes back
@@ -417,21 +433,21 @@ encoders: rust ## 10,000 random messages of each type by rosbags and pycdr2 (PyP
 zenohd: build ## Builds Zenoh's own router from its crate and tests the service behind it
 	$(CARGO) install zenohd --version 1.10.2 --locked --root $(BUILT)/zenohd \
 	  --no-default-features --features zenoh/transport_tcp,zenoh/transport_tls,zenoh/transport_quic,zenoh/auth_usrpwd
-	FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_ZENOHD=$(ZENOHD) $(CARGO) test --release --locked --workspace --test zenoh -- --nocapture --test-threads 1 router:: breaks::
+	FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_ZENOHD=$(ZENOHD) $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture --test-threads 1 zenoh::router:: zenoh::breaks::
 
 .PHONY: kill-rounds
 kill-rounds: rust ## Kills the deciding process 3,000 times: nothing acknowledged may be lost
-	KILL_ROUNDS=3000 $(CARGO) test --release --locked -p fleetcal-tests --test durability -- --nocapture kill::
+	KILL_ROUNDS=3000 $(CARGO) test --release --locked -p fleetcal-tests --test end_to_end -- --nocapture durability::kill::
 
 .PHONY: hardening-store
 hardening-store: build-for-tests strace ## Each N-th write and sync of the database fails: hours; goes on where it stopped
 	@mkdir -p $(HARDENING)
 	FLEETCAL_BIN=$(abspath $(BIN)) FAULTS_PROGRESS=$(HARDENING)/store.seeds \
-	  $(CARGO) test --release --locked --workspace --test durability -- --nocapture --ignored campaign::
+	  $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture --ignored durability::campaign::
 	FLEETCAL_BIN=$(abspath $(BIN)) HANGS_FOR_S=30 \
-	  $(CARGO) test --release --locked --workspace --test durability -- --nocapture hanging::
+	  $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture durability::hanging::
 	FLEETCAL_BIN=$(abspath $(BIN)) \
-	  $(CARGO) test --release --locked --workspace --test durability -- --nocapture --ignored stuck::
+	  $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture --ignored durability::stuck::
 
 .PHONY: doc
 doc: rust ## The crates' documentation

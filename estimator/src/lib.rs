@@ -1,4 +1,5 @@
-//! The mathematics of fleetcal: vehicle models, LiDAR odometry, the filter, observability and trust.
+//! The mathematics of fleetcal: vehicle models, the filter, observability and trust, above the LiDAR odometry
+//! of `fleetcal_odometry`.
 //!
 //! Everything here is a pure function of the messages it is given: no I/O, no clock, no threads.
 //! A recording replayed at any speed gives bit for bit the numbers of the live run.
@@ -12,30 +13,29 @@
 pub mod advice;
 pub mod calibrator;
 pub mod change;
+mod claim;
 pub mod drive_history;
 pub mod estimate;
 pub mod excitation;
 pub mod filter;
 mod initial_guess;
-pub mod lidar_odometry;
 mod merge;
 pub mod motion_noise;
-pub mod occupancy_grid;
-pub mod point_cloud;
 pub mod settings;
 pub mod stream;
 mod trust;
 pub mod vehicle;
 
 pub use calibrator::{Calibrator, Checkpoint};
+pub use claim::without_range_scale;
 pub use estimate::{Estimate, Parameter, ParameterEstimate, Status};
 pub use fleetcal_model::Pose2;
 /// Poses in the plane, SE(2).
 pub use fleetcal_model::plane as geometry;
-pub use lidar_odometry::LidarOdometry;
+pub use fleetcal_odometry::{
+    LidarOdometry, OccupancyGrid, lidar_odometry, occupancy_grid, point_cloud,
+};
 pub use merge::{JUMP_BACK_MIN_S, MergerPosition};
-pub use occupancy_grid::OccupancyGrid;
-pub use settings::{EstimatorSettings, Freedom, Measurement};
+pub use settings::{EstimatorSettings, Freedom};
 pub use stream::{DriveSample, Effect, Event, LidarPose, Note, NoteKind, RobotTime, Scan};
-pub use trust::without_range_scale;
 pub use vehicle::{Vehicle, VehicleModel};

@@ -1,22 +1,13 @@
 //! Settings of an estimator. Each key is a key of `[estimator]` in `fleetcal.toml`.
 
 mod given;
+mod measurement;
 
+pub use measurement::Measurement;
 use serde::{Deserialize, Serialize};
 
 use crate::estimate::Parameter;
 use crate::motion_noise::MotionNoise;
-
-/// Which measurement the filter makes of the LiDAR's motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Measurement {
-    /// Motion since a recent anchor whose pose is cloned into the state. The default.
-    #[default]
-    Clone,
-    /// The paper's: motion since the first pose, `T^{L0}_{Lk}` with white noise.
-    Anchored,
-}
 
 /// What becomes of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -72,7 +63,8 @@ impl<T> PerParameter<T> {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EstimatorSettings {
-    /// Which measurement the filter makes.
+    /// Former choice of a measurement: read, and written no more.
+    #[serde(skip_serializing)]
     pub measurement: Measurement,
     /// What is estimated. Wheelbase and steering gain are never both.
     #[serde(deserialize_with = "given::free")]
@@ -199,6 +191,9 @@ pub enum SettingsRefused {
     /// They cannot be told apart by any motion.
     #[error("free.wheelbase and free.steering_gain are both estimated; one of them must be fixed")]
     WheelbaseAndGain,
+    /// The paper's own filter is part of the evaluation alone.
+    #[error("measurement: got anchored, expected no such key: the paper's own filter is gone")]
+    Anchored,
     /// A number that must be positive is not.
     #[error("{key}: got {value}, expected a number above 0")]
     NotPositive {
@@ -210,14 +205,9 @@ pub enum SettingsRefused {
 }
 
 impl EstimatorSettings {
-    /// What becomes of a parameter. The paper's filter knows the first four only.
+    /// What becomes of a parameter.
     pub fn freedom(&self, parameter: Parameter) -> Freedom {
-        let in_paper = parameter.index() <= Parameter::LidarYaw.index();
-        if self.measurement == Measurement::Anchored && !in_paper {
-            Freedom::Off
-        } else {
-            *self.free.get(parameter)
-        }
+        *self.free.get(parameter)
     }
 
     /// Refuses settings that cannot be.
@@ -225,6 +215,9 @@ impl EstimatorSettings {
     /// # Errors
     /// Names the key, its value and what is accepted.
     pub fn check(&self) -> Result<(), SettingsRefused> {
+        if self.measurement == Measurement::Anchored {
+            return Err(SettingsRefused::Anchored);
+        }
         if self.free.wheelbase == Freedom::Estimated
             && self.free.steering_gain == Freedom::Estimated
         {

@@ -4,10 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::advice::Knowledge;
 use crate::advice::ranking::{first_for, rank};
-use crate::estimate::{
-    CalibrationCovariance, Estimate, Parameter, ParameterEstimate, ParameterEstimates, Status,
-};
-use crate::filter::encoder::EncoderVariance;
+use crate::claim::Claim;
+use crate::claim::withheld::{Findings, Withheld};
+use crate::estimate::{Parameter, ParameterEstimate, ParameterEstimates, SigmaSource, Status};
 use crate::filter::{ParameterCovariance, Values, padded};
 use crate::settings::{EstimatorSettings, Freedom};
 use crate::stream::RobotTime;
@@ -28,15 +27,8 @@ const OTHER_SIDE_OR_SPEED_PLACE: &str = "more driving with turns to both sides, 
 const ONE_SIDED: f64 = 0.5;
 /// An instruction stands for this long before it is worked out again, s of message time.
 const ADVICE_HOLDS_S: f64 = 10.0;
-/// What is said of the time offset of clouds whose points have no times.
-const POINT_TIMES: &str = "clouds whose points have a time, or ignore_times in point_cloud where they were all \
-    taken at once: without, nobody knows when in a turn the scanner looked where";
-/// What is said of a value that no vehicle has.
-const CHECK_VEHICLE: &str = "a look at the vehicle and its configuration: this cannot be";
 /// A value that was beyond its limit must come this far inside it to be believed again.
 const RELEASE_SHARE: f64 = 0.93;
-/// Standard deviation of the scale of a LiDAR's ranges, which docs/assumptions.md takes for typical.
-const RANGE_SCALE_SIGMA: f64 = 0.005;
 /// A converged parameter stays so until its sigma exceeds its limit by this factor.
 const HYSTERESIS: f64 = 1.2;
 
@@ -75,10 +67,8 @@ pub struct Grounds<'a> {
     pub lacks_beam_times: bool,
     /// Whether steering angles are sent that the vehicle cannot have.
     pub has_impossible_steering: bool,
-    /// What of the variance of the LiDAR's `y` is there because nobody said where the speed is measured.
-    pub encoder_variance: EncoderVariance,
-    /// What of the variance of the LiDAR's yaw no turning to one side takes away, rad².
-    pub circling_variance_rad2: f64,
+    /// Claim that is judged.
+    pub claim: &'a Claim,
     /// How far its turns went to one side alone, 0 to 1.
     pub one_sidedness: f64,
 }
@@ -88,21 +78,23 @@ impl Grounds<'_> {
     fn driven_covariance(&self) -> ParameterCovariance {
         let mut covariance = *self.knowledge.covariance;
         let y = Parameter::LidarY.index();
-        covariance[(y, y)] -= self.encoder_variance.told_m2;
+        covariance[(y, y)] -= self.claim.encoder_variance().total_m2();
         covariance
     }
 
     /// What a parameter waits for that no single manoeuvre shows; `None` where one does.
     fn waits_for(&self, parameter: Parameter) -> Option<&'static str> {
         let yaw = Parameter::LidarYaw.index();
-        let has_circled = self.circling_variance_rad2 > 0.5 * self.knowledge.covariance[(yaw, yaw)];
+        let circling_rad2 = self
+            .claim
+            .variance_of(SigmaSource::Circling, Parameter::LidarYaw);
+        let has_circled = circling_rad2 > 0.5 * self.knowledge.covariance[(yaw, yaw)];
         match parameter {
-            Parameter::TimeOffset if self.lacks_beam_times => Some(POINT_TIMES),
             Parameter::LidarYaw if has_circled => Some(MORE_DRIVING),
-            Parameter::LidarY if self.is_open_by(self.encoder_variance.told_m2) => {
+            Parameter::LidarY if self.is_open_by(self.claim.encoder_variance().total_m2()) => {
                 Some(if self.one_sidedness > ONE_SIDED {
                     OTHER_SIDE_OR_SPEED_PLACE
-                } else if self.is_open_by(self.encoder_variance.undriven_m2) {
+                } else if self.is_open_by(self.claim.encoder_variance().undriven_m2()) {
                     SPEED_PLACE
                 } else {
                     MORE_DRIVING
@@ -128,38 +120,29 @@ impl Trust {
     /// Judges the parameters.
     pub fn judge(&mut self, grounds: &Grounds) -> ParameterEstimates {
         let Knowledge {
-            values,
-            covariance,
-            settings,
-            ..
+            values, settings, ..
         } = grounds.knowledge;
         for parameter in Parameter::ALL {
             self.limit(parameter, values[parameter.index()], settings);
         }
-        let believed = self.believes(grounds);
+        let withheld = self.withheld(grounds);
         let statuses = Parameter::ALL.map(|parameter| {
             let i = parameter.index();
-            let sigma = reported_sigma(parameter, covariance, settings);
+            let sigma = grounds.claim.judged_sigma(parameter);
             let status = self.status(parameter, sigma, grounds.prior_sigma[i], settings);
             match status {
-                Status::Converged if grounds.blind[i] || !believed => Status::Learning,
-                Status::Converged
-                    if grounds.lacks_beam_times && parameter == Parameter::TimeOffset =>
-                {
-                    Status::Learning
-                }
+                Status::Converged if withheld[i].is_some() => Status::Learning,
                 status => status,
             }
         });
-        let needs = self.needs(grounds, statuses);
+        let needs = self.needs(grounds, statuses, withheld);
         Parameter::ALL.map(|parameter| {
             let i = parameter.index();
             let (value, sigma) = if statuses[i] == Status::Off {
                 // What is not estimated is told as the neutral value, even if the filter knows better.
                 (neutral(parameter, values[i]), 0.0)
             } else {
-                let sigma = reported_sigma(parameter, covariance, settings);
-                (values[i], sigma.hypot(scale_sigma(parameter, values[i])))
+                (values[i], grounds.claim.sigma(parameter))
             };
             ParameterEstimate {
                 value,
@@ -175,6 +158,7 @@ impl Trust {
         &mut self,
         grounds: &Grounds,
         statuses: [Status; REPORTED],
+        withheld: [Option<Withheld>; REPORTED],
     ) -> [Option<String>; REPORTED] {
         let fresh = self.advised.as_ref().filter(|advised| {
             let age_s = grounds.now.seconds_since(advised.at);
@@ -195,16 +179,13 @@ impl Trust {
         } else {
             Vec::new()
         };
-        let believed = self.believes(grounds);
         let needs = Parameter::ALL.map(|parameter| {
             let i = parameter.index();
             if !open(&statuses[i]) {
                 return None;
             }
-            if !believed {
-                return Some(CHECK_VEHICLE.to_owned());
-            }
-            if let Some(waits_for) = grounds.waits_for(parameter) {
+            let waits_for = withheld[i].and_then(Withheld::needs);
+            if let Some(waits_for) = waits_for.or_else(|| grounds.waits_for(parameter)) {
                 return Some(waits_for.to_owned());
             }
             let sigma_now = covariance[(i, i)].sqrt();
@@ -271,10 +252,18 @@ impl Trust {
         *impossible = (value - neutral).abs() > bound;
     }
 
-    /// Whether this can be a vehicle. All values explain the same motion: where one of them cannot
-    /// be, none is believed.
-    fn believes(&self, grounds: &Grounds) -> bool {
-        !grounds.has_impossible_steering && !self.holds_impossible(grounds.knowledge.settings)
+    /// The reason for which each parameter is withheld.
+    fn withheld(&self, grounds: &Grounds) -> [Option<Withheld>; REPORTED] {
+        let is_impossible =
+            grounds.has_impossible_steering || self.holds_impossible(grounds.knowledge.settings);
+        Parameter::ALL.map(|parameter| {
+            let findings = Findings {
+                is_impossible,
+                lacks_beam_times: grounds.lacks_beam_times,
+                is_blind: grounds.blind[parameter.index()],
+            };
+            Withheld::of(parameter, findings)
+        })
     }
 
     /// Whether a parameter that is estimated has a value that no vehicle has.
@@ -299,70 +288,6 @@ fn neutral(parameter: Parameter, value: f64) -> f64 {
     }
 }
 
-/// The sigma that leaves the estimator: with what averaging cannot take away.
-fn reported_sigma(
-    parameter: Parameter,
-    covariance: &ParameterCovariance,
-    settings: &EstimatorSettings,
-) -> f64 {
-    let variance = covariance[(parameter.index(), parameter.index())];
-    if variance <= 0.0 {
-        return 0.0;
-    }
-    variance
-        .sqrt()
-        .hypot(*settings.systematic_sigma.get(parameter))
-}
-
-/// The scale of the LiDAR's ranges passes for that of the speed on the straight, and stretches the mount
-/// in turns. No driving tells it, so that nothing has to wait for it to be converged.
-fn scale_sigma(parameter: Parameter, value: f64) -> f64 {
-    match parameter {
-        Parameter::LidarX | Parameter::LidarY => RANGE_SCALE_SIGMA * value.abs(),
-        _ => 0.0,
-    }
-}
-
-/// An estimate as it is compared with values that the same LiDAR has measured. The scale of its ranges
-/// (1 sigma: 0.5 % of the mount's x and y, m) is off alike in both, and no part of their difference.
-#[must_use]
-pub fn without_range_scale(mut estimate: Estimate) -> Estimate {
-    for parameter in [Parameter::LidarX, Parameter::LidarY] {
-        let one = &mut estimate.parameters[parameter.index()];
-        let scale_sigma = scale_sigma(parameter, one.value);
-        let variance = (one.sigma * one.sigma - scale_sigma * scale_sigma).max(0.0);
-        one.sigma = variance.sqrt();
-    }
-    let told = estimate.covariance;
-    estimate.covariance = CalibrationCovariance::from_fn(|row, column| {
-        if row == column {
-            estimate.parameters[row.index()].sigma.powi(2)
-        } else {
-            told.rows()[row.index()][column.index()]
-        }
-    });
-    estimate
-}
-
-/// The covariance that leaves the estimator: that of the errors as they go together, with each
-/// parameter's reported sigma.
-pub fn reported_covariance(
-    parameters: &ParameterEstimates,
-    covariance: &ParameterCovariance,
-) -> CalibrationCovariance {
-    CalibrationCovariance::from_fn(|row, column| {
-        let [sigma, other] = [row, column].map(|p| parameters[p.index()].sigma);
-        if row == column {
-            sigma * sigma
-        } else if sigma > 0.0 && other > 0.0 {
-            covariance[(row.index(), column.index())]
-        } else {
-            // A parameter that is off has no error.
-            0.0
-        }
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -379,14 +304,14 @@ mod tests {
             values[Parameter::SpeedScale.index()] = 1.0;
             values[Parameter::SteeringOffset.index()] = offset_deg.to_radians();
             let prior_sigma = Values::repeat(1.0);
+            let claim = Claim::new(SigmaSource::Filter, values, &covariance, &settings);
             let estimates = trust.judge(&Grounds {
                 now: RobotTime(1),
                 prior_sigma: &prior_sigma,
                 blind: [false; REPORTED],
                 lacks_beam_times,
                 has_impossible_steering: false,
-                encoder_variance: EncoderVariance::default(),
-                circling_variance_rad2: 0.0,
+                claim: &claim,
                 one_sidedness: 0.0,
                 knowledge: Knowledge {
                     vehicle: &vehicle,

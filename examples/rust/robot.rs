@@ -15,24 +15,26 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 const WHEELBASE_M: f64 = 1.2;
 const SPEED_MPS: f64 = 1.0;
-/// How far it steers to both sides, and how fast.
+/// Largest steering angle to both sides, rad.
 const TURN_RAD: f64 = 0.5;
+/// Rate of the steering angle, rad/s.
 const TURN_RATE_RADPS: f64 = 0.5;
-/// What fleetcal is to find: where the steering's zero is, and where the LiDAR sits (x, y, yaw).
+/// True steering offset, which fleetcal is to find, rad.
 const STEERING_OFFSET_RAD: f64 = 0.03;
+/// True pose of the LiDAR, which fleetcal is to find (x, y, yaw), m and rad.
 const LIDAR: (f64, f64, f64) = (0.4, 0.1, 0.05);
 /// The hall's walls along x and y.
 const HALL_M: ([f64; 2], [f64; 2]) = ([-9.0, 7.0], [-6.0, 8.0]);
 const BEAMS: usize = 360;
 
-/// Puts a ROS 2 message in JSON; CDR with the encoding `application/cdr` does as well.
+/// Publishes a ROS 2 message in JSON; CDR with the encoding `application/cdr` works as well.
 fn put(publisher: &Publisher, stamp: Duration, mut message: Value) -> Result<(), Failure> {
     let stamp = json!({ "sec": stamp.as_secs(), "nanosec": stamp.subsec_nanos() });
     message["header"] = json!({ "stamp": stamp });
     publisher.put(message.to_string()).wait()
 }
 
-/// What the LiDAR sees of the walls, metres, with the rear axle at (x, y, yaw).
+/// Returns the LiDAR's ranges to the walls, metres, with the rear axle at (x, y, yaw).
 fn ranges(random: &mut StdRng, (x, y, yaw): (f64, f64, f64)) -> Result<Vec<f64>, Failure> {
     let noise = Normal::new(0.0, 0.01)?;
     let x = x + LIDAR.0 * yaw.cos() - LIDAR.1 * yaw.sin();

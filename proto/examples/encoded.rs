@@ -21,7 +21,7 @@ struct Tally {
     first_refusal: Option<String>,
 }
 
-/// The message read and written back; why not, when it is refused.
+/// Reads the message and writes it back; returns the reason if it is refused.
 fn rewritten(of: MessageType, payload: &[u8]) -> Result<Vec<u8>, String> {
     fn both_ways<M: RosMessage>(payload: &[u8]) -> Result<Vec<u8>, String> {
         let message = M::from_cdr(payload).map_err(|refused| refused.to_string())?;
@@ -38,14 +38,14 @@ fn rewritten(of: MessageType, payload: &[u8]) -> Result<Vec<u8>, String> {
     }
 }
 
-/// Takes so many bytes off the front.
+/// Splits `count` bytes off the front.
 fn take<'b>(rest: &mut &'b [u8], count: usize) -> Option<&'b [u8]> {
     let (front, behind) = rest.split_at_checked(count)?;
     *rest = behind;
     Some(front)
 }
 
-/// One record: type, encoder, message.
+/// Reads one record: type, encoder, message.
 fn record<'b>(rest: &mut &'b [u8]) -> Option<(MessageType, &'static str, &'b [u8])> {
     let name_bytes = usize::from(*take(rest, 1)?.first()?);
     let name = std::str::from_utf8(take(rest, name_bytes)?).ok()?;

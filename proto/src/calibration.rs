@@ -12,27 +12,27 @@ use fleetcal_model::{CalibrationCovariance, Generation, Pose2, RevisionId, Robot
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Envelope {
-    /// The [`CalibrationDocument`] in JSON, byte for byte as it was hashed and signed.
+    /// The [`CalibrationDocument`] in JSON, byte for byte in its hashed and signed form.
     pub document: String,
     /// SHA-256 of the document's bytes, lower-case hexadecimal.
     pub sha256: String,
-    /// Which of the service's keys signed it.
+    /// Id of the service's key that signed it.
     pub key_id: String,
     /// Ed25519 signature of the document's bytes, base64.
     pub signature: String,
 }
 
-/// The schema a calibration document says it follows.
+/// Schema of a calibration document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum CalibrationSchema {
-    /// The first.
+    /// The first version.
     #[default]
     #[serde(rename = "fleetcal.calibration/1")]
     V1,
 }
 
-/// The frame that the LiDAR's pose is given in.
+/// Frame of the LiDAR's pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -42,7 +42,7 @@ pub enum CalibrationFrame {
     RearAxle,
 }
 
-/// Calibration values, or their sigmas. What was not estimated is absent.
+/// Calibration values, or their sigmas. Values that were not estimated are absent.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -64,13 +64,13 @@ pub struct CalibrationValues {
     /// True steering angle (less its offset) over the measured one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steering_gain: Option<f64>,
-    /// How much later a motion shows in the wheel odometry than in the LiDAR's, s.
+    /// Delay of a motion in the wheel odometry against the LiDAR's, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_offset_s: Option<f64>,
 }
 
 impl CalibrationValues {
-    /// Those that are there, each under the name it has on the wire.
+    /// Returns the present values, each with its name on the wire.
     pub fn fields(&self) -> impl Iterator<Item = (&'static str, f64)> + use<> {
         [
             ("steering_offset_rad", Some(self.steering_offset_rad)),
@@ -87,38 +87,38 @@ impl CalibrationValues {
     }
 }
 
-/// What a person approved for one robot: the content of an [`Envelope`].
+/// Calibration that was approved for one robot: the content of an [`Envelope`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct CalibrationDocument {
-    /// The schema it follows.
+    /// Schema of the document.
     pub schema: CalibrationSchema,
-    /// Whom it is for.
+    /// Id of the robot that it is for.
     pub robot: RobotId,
-    /// Counts up with every approval; a robot applies only what is higher than what it holds.
+    /// Number that grows with every approval; a robot applies only a higher one than its own.
     pub generation: Generation,
-    /// The generation it was compared with; `None` when the robot had none.
+    /// The generation it was compared with; `None` if the robot had none.
     pub base_generation: Option<Generation>,
     /// The revision of the calibration that was approved.
     pub revision: RevisionId,
-    /// When, RFC 3339 in UTC.
+    /// Time of the approval, RFC 3339 in UTC.
     pub approved_at: String,
-    /// By whom.
+    /// Approver.
     pub approved_by: String,
     /// The values, absolute.
     pub values: CalibrationValues,
     /// Their standard deviations under the same names and units.
     pub sigmas: CalibrationValues,
-    /// How the errors of the four values that every calibration has go together, where they were
-    /// estimated. It came later: who does not know it passes it over.
+    /// Covariance of the errors of the four values that every calibration has, where it was
+    /// estimated. It was added later: older readers ignore it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CalibrationCovariance>,
     /// The frame of the LiDAR's pose.
     pub frame: CalibrationFrame,
-    /// A robot that hears no confirmation for so many seconds after applying reverts by itself.
+    /// Time after applying at which a robot without a confirmation reverts by itself, s.
     pub confirm_within_s: u32,
-    /// Where the rear axle's centre is in the vehicle's `base_link`, where that frame is configured.
-    /// Like the pose below it came later: who does not know it passes it over.
+    /// Pose of the rear axle's centre in the vehicle's `base_link`, where that frame is configured.
+    /// Like the pose below it was added later: older readers ignore it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rear_axle_in_base_link: Option<Pose2>,
     /// The LiDAR's pose in that frame, by the values.
@@ -126,18 +126,18 @@ pub struct CalibrationDocument {
     pub lidar_in_base_link: Option<Pose2>,
 }
 
-/// What became of a calibration on the robot.
+/// Outcome of a calibration on the robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum AppliedStatus {
-    /// It is in use.
+    /// The calibration is in use.
     Applied,
-    /// The robot will not use it: hash, signature, generation or its own limits.
+    /// The robot will not use it, because of hash, signature, generation or the robot's own limits.
     Refused,
-    /// The robot wanted to use it and could not.
+    /// The robot tried to use it and failed.
     Failed,
-    /// The robot went back to what it used before.
+    /// The robot returned to its former calibration.
     Reverted,
 }
 
@@ -146,26 +146,26 @@ pub enum AppliedStatus {
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Applied {
-    /// Generation of the document it is about; 0 for its factory calibration.
+    /// Generation of the acknowledged document; 0 for the factory calibration.
     pub generation: Generation,
-    /// SHA-256 of the document, lower-case hexadecimal; empty for its factory calibration.
+    /// SHA-256 of the document, lower-case hexadecimal; empty for the factory calibration.
     pub sha256: String,
-    /// What became of it.
+    /// Outcome of the calibration.
     pub status: AppliedStatus,
-    /// Why, for people.
+    /// Reason, for people.
     #[serde(default)]
     pub reason: Option<String>,
-    /// When, ns since 1970, by the robot's clock.
+    /// Time of the outcome, ns since 1970, by the robot's clock.
     pub applied_at_ns: RobotTime,
-    /// What the robot now compensates with, when it says so itself.
+    /// Values that the robot now compensates with, if it reports them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub values: Option<CalibrationValues>,
 }
 
-/// The schema a confirmation says it follows.
+/// Schema of a confirmation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum ConfirmationSchema {
-    /// The first.
+    /// The first version.
     #[default]
     #[serde(rename = "fleetcal.confirmation/1")]
     V1,
@@ -173,26 +173,27 @@ pub enum ConfirmationSchema {
 
 /// An acknowledgement that the service has stored: the content of [`Confirmed::signed`].
 ///
-/// It names one acknowledgement and no other. Its time is the robot's own and was known to nobody
-/// before, so neither the confirmation of another computer's answer nor a recorded one fits.
+/// It names exactly one acknowledgement. The time in it is the robot's own and was unknown to
+/// others before, so neither the confirmation of another computer's acknowledgement nor a recorded
+/// one fits.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ConfirmationDocument {
-    /// The schema it follows.
+    /// Schema of the document.
     pub schema: ConfirmationSchema,
-    /// Whose acknowledgement it is.
+    /// Id of the robot that acknowledged.
     pub robot: RobotId,
     /// Generation of the document that was acknowledged.
     pub generation: Generation,
     /// SHA-256 of that document, lower-case hexadecimal.
     pub sha256: String,
-    /// What the robot said became of it.
+    /// Outcome that the robot reported.
     pub status: AppliedStatus,
     /// The acknowledgement's `applied_at_ns`.
     pub applied_at_ns: RobotTime,
 }
 
 impl ConfirmationDocument {
-    /// The confirmation of an acknowledgement.
+    /// Makes the confirmation of an acknowledgement.
     pub fn of(robot: RobotId, applied: &Applied) -> Self {
         Self {
             schema: ConfirmationSchema::V1,
@@ -204,15 +205,16 @@ impl ConfirmationDocument {
         }
     }
 
-    /// Whether it is about this acknowledgement.
+    /// True if it confirms this acknowledgement.
     pub fn confirms(&self, applied: &Applied) -> bool {
         *self == Self::of(self.robot.clone(), applied)
     }
 }
 
-/// The service stored the acknowledgement, on `{root}/{robot}/calibration/confirmed`.
+/// Confirmation that the service has stored an acknowledgement, on
+/// `{root}/{robot}/calibration/confirmed`.
 ///
-/// Generation and hash beside the signed text are for agents of before: nobody signed them.
+/// Generation and hash beside the signed text are for older agents, and unsigned.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Confirmed {
@@ -220,8 +222,8 @@ pub struct Confirmed {
     pub generation: Generation,
     /// SHA-256 of the document, lower-case hexadecimal.
     pub sha256: String,
-    /// A signed text of schema `fleetcal.confirmation/1`, which repeats the acknowledgement's robot,
-    /// `generation`, `sha256`, `status` and `applied_at_ns`. Absent from services of before.
+    /// A signed text of schema `fleetcal.confirmation/1`, which repeats the acknowledgement's
+    /// robot, `generation`, `sha256`, `status` and `applied_at_ns`. Older services lack it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub signed: Option<Envelope>,
 }

@@ -4,13 +4,13 @@ use thiserror::Error;
 
 use crate::cdr::CdrError;
 
-/// How much of what a sender wrote is repeated in a refusal, in characters.
+/// Longest part of a sender's text that is repeated in a refusal, in characters.
 const SHOWN_MAX: usize = 160;
 
 /// The form of a ROS 2 message on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Encoding {
-    /// CDR, `application/cdr`, and what is taken when the sender says nothing.
+    /// CDR, `application/cdr`, also the default.
     #[default]
     Cdr,
     /// JSON with the same field names, `application/json`.
@@ -18,8 +18,8 @@ pub enum Encoding {
 }
 
 impl Encoding {
-    /// Reads a Zenoh encoding. What follows a `;` is a schema's name and is left aside; Zenoh's own
-    /// `zenoh/bytes` and an empty text mean that the sender said nothing.
+    /// Parses a Zenoh encoding. A schema's name behind a `;` is ignored; Zenoh's own `zenoh/bytes`
+    /// and an empty text mean the default.
     ///
     /// # Errors
     /// Any other encoding, by name.
@@ -33,7 +33,7 @@ impl Encoding {
         }
     }
 
-    /// Its name on the wire.
+    /// Returns its name on the wire.
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::Cdr => "application/cdr",
@@ -42,38 +42,38 @@ impl Encoding {
     }
 }
 
-/// Why a payload is not the message it should be.
+/// Reason for which a payload is not the expected message.
 #[derive(Debug, Error)]
 pub enum DecodeError {
-    /// The sender named an encoding that is not read here.
+    /// The encoding is unknown.
     #[error("encoding: got {encoding:?}, expected application/cdr and application/json")]
     Encoding {
-        /// What the sender named.
+        /// Encoding that the sender named.
         encoding: String,
     },
-    /// It is no such message in CDR.
+    /// The payload is not such a message in CDR.
     #[error("{message}: {reason}")]
     Cdr {
         /// The ROS 2 type that was expected.
         message: &'static str,
-        /// The field and what is wrong with it.
+        /// The field and its fault.
         #[source]
         reason: CdrError,
     },
-    /// It is no such message in JSON.
+    /// The payload is not such a message in JSON.
     #[error("{message}: {field}: {reason}")]
     Json {
         /// The ROS 2 type that was expected.
         message: &'static str,
         /// Path of the field, `drive.speed`; `.` for the whole message.
         field: String,
-        /// What is wrong with it.
+        /// Fault of the field.
         reason: String,
     },
 }
 
 impl DecodeError {
-    /// A refusal of JSON. Both texts may hold what the sender wrote, of any length.
+    /// Makes a refusal of JSON. Both texts may contain input of any length.
     pub(crate) fn json(message: &'static str, field: &str, reason: &serde_json::Error) -> Self {
         let field = if field.is_empty() { "." } else { field };
         Self::Json {

@@ -2,18 +2,20 @@
 
 use serde_json::Value;
 
-/// What keeps a QUIC connection's messages in their order.
+/// Setting that keeps a QUIC connection's messages in their order.
 const IN_ORDER: &str = "multistream=0";
-/// What leaves it to the other end, as an endpoint does that does not say.
+/// Setting that leaves the number of streams to the other end, like an endpoint without it.
 const UNDECIDED: &str = "multistream=auto";
-/// What either begins with.
+/// Prefix of both settings.
 const STREAMS: &str = "multistream=";
 
-/// A QUIC endpoint of one stream; any other endpoint, and one that says how many streams it has, as it is.
+/// Sets a QUIC endpoint to one stream; any other endpoint, and one that sets its number of streams,
+/// stays unchanged.
 ///
-/// Zenoh 1.10 gives a QUIC connection a stream for each priority, and nothing orders them: data overtake the
-/// declaration of their key, and whoever receives them drops what has no key. One end of a connection is
-/// enough, unless the other insists on `multistream=1`: these two cannot connect.
+/// Zenoh 1.10 gives a QUIC connection a stream for each priority, without any order among them:
+/// data overtake the declaration of their key, and the receiver drops data without a key. One end
+/// of a connection is enough, unless the other insists on `multistream=1`: these two cannot
+/// connect.
 pub fn in_order(endpoint: &str) -> String {
     let is_quic = endpoint.starts_with("quic/");
     let (address, settings) = match endpoint.split_once('#') {
@@ -34,11 +36,11 @@ pub fn in_order(endpoint: &str) -> String {
     format!("{address}{separator}{IN_ORDER}{settings}")
 }
 
-/// Where a Zenoh configuration has endpoints.
+/// Fields of a Zenoh configuration that hold endpoints.
 pub const FIELDS: [&str; 2] = ["listen/endpoints", "connect/endpoints"];
 
-/// One of [`FIELDS`], as JSON text, with every endpoint [`in_order`]; `None` where that changes nothing, or
-/// the text is no JSON.
+/// Returns one of [`FIELDS`], as JSON text, with every endpoint [`in_order`]; `None` if that
+/// changes nothing, or the text is not JSON.
 pub fn field_in_order(text: &str) -> Option<Value> {
     let given: Value = serde_json::from_str(text).ok()?;
     let mut endpoints = given.clone();
@@ -46,7 +48,7 @@ pub fn field_in_order(text: &str) -> Option<Value> {
     (endpoints != given).then_some(endpoints)
 }
 
-/// Endpoints stand in a list, or in lists by mode.
+/// Sets the endpoints of a list, or of lists by mode.
 fn put_in_order(endpoints: &mut Value) {
     match endpoints {
         Value::String(endpoint) => *endpoint = in_order(endpoint),

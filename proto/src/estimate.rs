@@ -7,11 +7,11 @@ use std::collections::BTreeMap;
 
 use fleetcal_model::{
     CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, Parameter,
-    ParameterStatus, Pose2, RobotId, RobotTime, Unit, VehicleModel,
+    ParameterStatus, Pose2, RobotId, RobotTime, SigmaTerm, Unit, VehicleModel,
 };
 use serde::{Deserialize, Serialize};
 
-/// One parameter: `P` of the documents.
+/// Estimate of one parameter: `P` of the documents.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct ParameterDocument {
@@ -21,13 +21,13 @@ pub struct ParameterDocument {
     pub sigma: f64,
     /// Unit of both.
     pub unit: Unit,
-    /// How far it is known.
+    /// Status of the estimate.
     pub status: ParameterStatus,
-    /// In words, which motion would make it better known; `None` when nothing is missing.
+    /// Motion that would improve the estimate, in words; `None` if it needs none.
     pub needs: Option<String>,
 }
 
-/// Every parameter of a calibration.
+/// All parameters of a calibration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Parameters {
@@ -43,14 +43,14 @@ pub struct Parameters {
     pub speed_scale: ParameterDocument,
     /// Distance between the axles.
     pub wheelbase: ParameterDocument,
-    /// How much later a motion shows in the wheel odometry than in the LiDAR's.
+    /// Delay of a motion in the wheel odometry against the LiDAR's.
     pub time_offset: ParameterDocument,
     /// True steering angle (less its offset) over the measured one.
     pub steering_gain: ParameterDocument,
 }
 
 impl Parameters {
-    /// One of them by its name.
+    /// Returns one parameter by its name.
     pub fn get(&self, name: Parameter) -> &ParameterDocument {
         match name {
             Parameter::SteeringOffset => &self.steering_offset,
@@ -64,7 +64,7 @@ impl Parameters {
         }
     }
 
-    /// All of them with their names, in the order of [`Parameter::ALL`].
+    /// Iterates over all parameters with their names, in the order of [`Parameter::ALL`].
     pub fn iter(&self) -> impl Iterator<Item = (Parameter, &ParameterDocument)> {
         Parameter::ALL
             .into_iter()
@@ -72,14 +72,14 @@ impl Parameters {
     }
 }
 
-/// The state of one robot's calibration now, on `{root}/{robot}/estimate` once a second and from
-/// `GET /api/v1/robots/{id}/estimate`.
+/// State of one robot's calibration now, on `{root}/{robot}/estimate` once a second and from `GET
+/// /api/v1/robots/{id}/estimate`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct EstimateDocument {
-    /// Whose it is.
+    /// Id of the robot.
     pub robot: RobotId,
-    /// The time it is about, ns since 1970, by the robot's clock.
+    /// Time of the estimate, ns since 1970, by the robot's clock.
     pub stamp_ns: RobotTime,
     /// Seconds since the session's first message.
     pub time_s: f64,
@@ -87,60 +87,59 @@ pub struct EstimateDocument {
     pub distance_m: f64,
     /// The parameters.
     pub parameters: Parameters,
-    /// Whether somebody has reported a reassembly, and the calibration is not known again since; absent
-    /// unless it is so.
+    /// True if somebody has reported a reassembly, and the calibration is not known again since;
+    /// absent otherwise.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub reassembly_open: bool,
-    /// How the errors of the four parameters of a calibration go together; absent in documents of
-    /// services before it came.
+    /// Covariance of the errors of the four parameters of a calibration; absent in documents of
+    /// older services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CalibrationCovariance>,
-    /// Which changes would be seen now, and what the detection of the others waits for; absent in
-    /// documents of services before it came.
+    /// State of the detection of changes, by cause; absent in documents of older services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detection: Option<Detection>,
     /// Consistency of the filter.
     pub consistency: Consistency,
-    /// What was taken in.
+    /// Numbers of messages so far.
     pub counts: Counts,
     /// The LiDAR's pose in the vehicle's `base_link`, where that frame is configured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lidar_in_base_link: Option<Pose2>,
-    /// Which instance of a cluster estimates the robot; absent where one service has all robots.
+    /// Instance of a cluster that estimates the robot; absent where one service has all robots.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimated_by: Option<EstimatedBy>,
 }
 
-/// Which instance of a cluster estimates a robot.
+/// Instance of a cluster that estimates a robot.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct EstimatedBy {
     /// Its name.
     pub instance: String,
-    /// Goes up with each instance that begins to estimate the robot. Of two estimates the one with
-    /// the lower epoch is of an instance that was replaced: leave it out.
+    /// Number that grows with each instance that begins to estimate the robot. Of two estimates,
+    /// ignore the one with the lower epoch: it comes from an instance that was replaced.
     pub epoch: i64,
 }
 
-/// A change or fault that was seen: one of `events`.
+/// Detected change or fault: one of `events`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct ChangeDocument {
-    /// What happened.
+    /// Kind of the event.
     pub kind: ChangeKind,
-    /// What it came from.
+    /// Cause of the event.
     pub cause: Cause,
-    /// When it was flagged, in seconds since the session's first message.
+    /// Time of its detection, in seconds since the session's first message.
     pub time_s: f64,
-    /// When it began, in seconds since the session's first message.
+    /// Time of its onset, in seconds since the session's first message.
     pub onset_s: f64,
-    /// When it was flagged, ns since 1970, by the robot's clock.
+    /// Time of its detection, ns since 1970, by the robot's clock.
     pub stamp_ns: RobotTime,
     /// New value less old value of each parameter that moved, in the parameter's unit.
     pub change: BTreeMap<Parameter, f64>,
 }
 
-/// A stretch between changes.
+/// Stretch of a session between changes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Segment {
@@ -152,37 +151,37 @@ pub struct Segment {
     pub parameters: Parameters,
 }
 
-/// The vehicle a calibration is of.
+/// Vehicle of a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct VehicleDocument {
-    /// How it steers.
+    /// Steering geometry and place of the speed measurement.
     pub model: VehicleModel,
     /// Distance from the rear axle to the steered axle as configured, m.
     pub wheelbase_m: f64,
 }
 
-/// What a calibration cost.
+/// Cost of a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Timing {
     /// Median time of one scan's LiDAR odometry and update, ms.
     pub scan_median_ms: f64,
-    /// The time that 99 of 100 scans stay under, ms.
+    /// The 99th percentile of these times, ms.
     pub scan_p99_ms: f64,
-    /// CPU time of it all, s.
+    /// Total CPU time, s.
     pub cpu_s: f64,
-    /// Seconds of recording worked through in one second.
+    /// Seconds of recording processed in one second.
     pub realtime_factor: f64,
 }
 
-/// What `fleetcal calibrate --json` prints.
+/// Report that `fleetcal calibrate --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct CalibrationReport {
     /// [`CalibrationReport::SCHEMA_VERSION`] of the program that printed it.
     pub schema_version: u32,
-    /// Whose it is.
+    /// Id of the robot.
     pub robot: RobotId,
     /// The vehicle.
     pub vehicle: VehicleDocument,
@@ -194,13 +193,16 @@ pub struct CalibrationReport {
     pub drive_samples: u64,
     /// Scans or LiDAR poses used.
     pub scans: u64,
-    /// Scans that could not be used.
+    /// Scans that were unusable.
     pub scans_rejected: u64,
-    /// The vehicle as it is at the end.
+    /// Parameters of the vehicle at the end.
     pub parameters: Parameters,
-    /// How the errors of the four parameters of a calibration go together.
+    /// Covariance of the errors of the four parameters of a calibration.
     pub covariance: CalibrationCovariance,
-    /// Which changes would be seen at the end, and what the detection of the others waits for.
+    /// Terms of each sigma in `parameters`: why it is as wide as it is. None of a parameter that is off.
+    #[serde(default)]
+    pub sigma_terms: BTreeMap<Parameter, Vec<SigmaTerm>>,
+    /// State of the detection of changes at the end, by cause.
     pub detection: Detection,
     /// Consistency of the filter.
     pub consistency: Consistency,
@@ -208,13 +210,13 @@ pub struct CalibrationReport {
     pub events: Vec<ChangeDocument>,
     /// The stretches between changes, oldest first.
     pub segments: Vec<Segment>,
-    /// What it cost.
+    /// Cost of the calibration.
     pub timing: Timing,
 }
 
 impl CalibrationReport {
-    /// Goes up by one whenever a field is renamed or removed, or means something else. A field that
-    /// is added leaves it.
+    /// Version that grows by one whenever a field is renamed, removed or changes its meaning. An
+    /// added field does not change it.
     pub const SCHEMA_VERSION: u32 = 1;
 }
 
@@ -269,6 +271,7 @@ mod tests {
             scans_rejected: 5,
             parameters: parameters(),
             covariance: CalibrationCovariance::default(),
+            sigma_terms: BTreeMap::new(),
             detection: Detection::of_all(DetectionState::Watching),
             consistency: Consistency::default(),
             events: vec![ChangeDocument {
@@ -305,6 +308,7 @@ mod tests {
                 "scans_rejected",
                 "schema_version",
                 "segments",
+                "sigma_terms",
                 "timing",
                 "vehicle"
             ]

@@ -8,21 +8,21 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct RobotEvent {
-    /// What happened.
+    /// Kind of the event.
     pub kind: NoteKind,
-    /// When it happened, ns since 1970, by the robot's clock.
+    /// Time of the event, ns since 1970, by the robot's clock.
     pub stamp_ns: RobotTime,
-    /// More about it, for people.
+    /// Details, for people.
     #[serde(default)]
     pub note: String,
 }
 
-/// How far a robot is off its path, on `{root}/{robot}/cross_track_error`.
+/// Cross-track error of a robot, on `{root}/{robot}/cross_track_error`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct CrossTrackError {
-    /// When it was measured, ns since 1970, by the robot's clock.
+    /// Time of the measurement, ns since 1970, by the robot's clock.
     pub stamp_ns: RobotTime,
     /// Distance of the rear axle's centre from the path, m, positive when left of it.
     pub value_m: f64,

@@ -12,18 +12,18 @@ use thiserror::Error;
 
 use fleetcal_model::{RobotId, RobotIdRefused};
 
-/// The root chunk when none is configured.
+/// Root chunk unless configured.
 pub const ROOT_DEFAULT: &str = "fleet";
-/// Longest key that is looked at, in bytes; longer ones are refused unread.
+/// Longest key that is parsed, in bytes; longer ones are refused unread.
 pub const KEY_BYTES_MAX: usize = 255;
 
-/// What wheel odometry was called until version 0.2, when it got a name that is not a command's.
+/// Name of wheel odometry until version 0.2, when it got one that does not suggest a command.
 const FORMER_WHEEL_ODOMETRY: &str = "drive";
 const ALIVE: &str = "@alive";
 const SERVICE: &str = "@service";
 const DIGEST: &str = "@digest";
 
-/// What a key under a robot carries.
+/// Content of a key under a robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum StreamKind {
     /// Measured speed and steering, `ackermann_msgs/msg/AckermannDriveStamped`.
@@ -32,7 +32,7 @@ pub enum StreamKind {
     Scan,
     /// The LiDAR's pose instead of scans, `nav_msgs/msg/Odometry`.
     LidarOdometry,
-    /// What happened to the robot, [`crate::event::RobotEvent`].
+    /// Events of the robot, [`crate::event::RobotEvent`].
     Event,
     /// The service's estimate, [`crate::estimate::EstimateDocument`].
     Estimate,
@@ -40,16 +40,16 @@ pub enum StreamKind {
     CalibrationApproved,
     /// The robot's acknowledgement, [`crate::calibration::Applied`].
     CalibrationApplied,
-    /// The service's answer to it, [`crate::calibration::Confirmed`].
+    /// The service's confirmation, [`crate::calibration::Confirmed`].
     CalibrationConfirmed,
     /// The path follower's error, [`crate::event::CrossTrackError`].
     CrossTrackError,
-    /// How far the service got, [`crate::progress::Progress`].
+    /// Progress of the service with the robot's messages, [`crate::progress::Progress`].
     Progress,
 }
 
 impl StreamKind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 10] = [
         Self::WheelOdometry,
         Self::Scan,
@@ -63,7 +63,7 @@ impl StreamKind {
         Self::Progress,
     ];
 
-    /// The chunks behind the robot's: `wheel_odometry`, `calibration/approved` and so on.
+    /// Returns the chunks behind the robot's: `wheel_odometry`, `calibration/approved` and so on.
     pub const fn suffix(self) -> &'static str {
         match self {
             Self::WheelOdometry => "wheel_odometry",
@@ -90,7 +90,7 @@ impl fmt::Display for StreamKind {
     }
 }
 
-/// The root chunk of all keys, `fleet` unless configured. Same characters as a robot's id.
+/// Root chunk of all keys, `fleet` unless configured. Same characters as a robot's id.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct KeyRoot(Arc<str>);
@@ -104,7 +104,7 @@ impl KeyRoot {
         chunk(text).map(Self).map_err(KeyRefused::Root)
     }
 
-    /// The root as text.
+    /// Returns the root as text.
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -144,7 +144,7 @@ impl ServiceInstance {
         chunk(text).map(Self).map_err(KeyRefused::Instance)
     }
 
-    /// The name as text.
+    /// Returns the name as text.
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -168,16 +168,16 @@ fn chunk(text: &str) -> Result<Arc<str>, RobotIdRefused> {
     RobotId::parse(text).map(|checked| Arc::from(checked.as_str()))
 }
 
-/// Why a text is no key of ours.
+/// Reason for which a text is not a key of ours.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum KeyRefused {
-    /// It is longer than [`KEY_BYTES_MAX`].
+    /// The key is longer than [`KEY_BYTES_MAX`].
     #[error("key: got {length} bytes, expected at most 255")]
     TooLong {
         /// Its length in bytes.
         length: usize,
     },
-    /// It holds a wildcard: it names many keys.
+    /// The key holds a wildcard, so that it names many keys.
     #[error("key {key:?} contains {character:?}, expected the key of one stream")]
     Wildcard {
         /// The key.
@@ -185,13 +185,13 @@ pub enum KeyRefused {
         /// The wildcard's character.
         character: char,
     },
-    /// Two slashes in a row, or one at an end.
+    /// The key has two slashes in a row, or one at an end.
     #[error("key {key:?} has an empty chunk, expected chunks parted by one slash")]
     EmptyChunk {
         /// The key.
         key: String,
     },
-    /// It is under another root.
+    /// The key is under another root.
     #[error("key: got {key:?}, expected {root}/{{robot}}/{{stream}}")]
     OtherRoot {
         /// The key.
@@ -199,16 +199,16 @@ pub enum KeyRefused {
         /// The configured root.
         root: String,
     },
-    /// Its robot chunk is no robot id.
+    /// The robot chunk is not a robot id.
     #[error("key {key:?}: {reason}")]
     Robot {
         /// The key.
         key: String,
-        /// What is wrong with the id.
+        /// Fault of the id.
         #[source]
         reason: RobotIdRefused,
     },
-    /// Nothing is sent under that name.
+    /// The stream is unknown.
     #[error(
         "key {key:?} ends in {stream:?}, expected wheel_odometry, scan, lidar_odometry, event, \
          estimate, calibration/{{approved,applied,confirmed}}, cross_track_error and progress"
@@ -216,50 +216,51 @@ pub enum KeyRefused {
     UnknownStream {
         /// The key.
         key: String,
-        /// What follows the robot's chunk.
+        /// Chunks behind the robot's.
         stream: String,
     },
-    /// The configured root is no chunk.
+    /// The configured root is not a chunk.
     #[error("key root: {0}")]
     Root(#[source] RobotIdRefused),
-    /// The service's name is no chunk.
+    /// The service's name is not a chunk.
     #[error("service instance: {0}")]
     Instance(#[source] RobotIdRefused),
 }
 
-/// One key, taken apart.
+/// Parsed key.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Key {
     /// `{root}/{robot}/{stream}`.
     Stream {
-        /// Whose it is.
+        /// Id of the robot.
         robot: RobotId,
-        /// What it carries.
+        /// Kind of the stream.
         kind: StreamKind,
     },
-    /// `{root}/{robot}/drive`: the former key of wheel odometry. Nothing on it is used.
+    /// `{root}/{robot}/drive`: the former key of wheel odometry. Its messages are not used.
     FormerWheelOdometry(RobotId),
-    /// `{root}/@alive/{robot}`: the token of a robot that is there.
+    /// `{root}/@alive/{robot}`: the token of a robot that is present.
     Alive(RobotId),
-    /// `{root}/@service/{instance}`: the token of a service that is there.
+    /// `{root}/@service/{instance}`: the token of a service that is present.
     Service(ServiceInstance),
-    /// `{root}/@digest/{instance}`: what an instance of a cluster tells the others of its robots.
+    /// `{root}/@digest/{instance}`: the reports of an instance of a cluster on its robots for the
+    /// others.
     Digest(ServiceInstance),
 }
 
-/// Builds and parses the keys under one root.
+/// Builder and parser of the keys under one root.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Keys {
     root: KeyRoot,
 }
 
 impl Keys {
-    /// The keys under `root`.
+    /// Makes the keys under `root`.
     pub fn new(root: KeyRoot) -> Self {
         Self { root }
     }
 
-    /// The root.
+    /// Returns the root.
     pub fn root(&self) -> &KeyRoot {
         &self.root
     }
@@ -309,12 +310,12 @@ impl Keys {
         format!("{}/{SERVICE}/*", self.root.as_str())
     }
 
-    /// Key of what an instance tells the others of its robots, `fleet/@digest/a`.
+    /// Key of an instance's reports on its robots for the others, `fleet/@digest/a`.
     pub fn digest(&self, instance: &ServiceInstance) -> String {
         format!("{}/{DIGEST}/{}", self.root.as_str(), instance.as_str())
     }
 
-    /// Key expression of what every instance tells, `fleet/@digest/*`.
+    /// Key expression of every instance's reports, `fleet/@digest/*`.
     pub fn digest_of_all(&self) -> String {
         format!("{}/{DIGEST}/*", self.root.as_str())
     }
@@ -324,16 +325,16 @@ impl Keys {
         format!("{}/{robot}/*", self.root.as_str())
     }
 
-    /// Everything under the root but the `@` chunks, `fleet/**`.
+    /// Key expression of everything under the root except the `@` chunks, `fleet/**`.
     pub fn everything(&self) -> String {
         format!("{}/**", self.root.as_str())
     }
 
-    /// Takes a key apart.
+    /// Parses a key.
     ///
     /// # Errors
-    /// When it is no key of one stream under this root: the sentence names the key and what is
-    /// accepted.
+    /// When it is not a key of one stream under this root: the sentence names the key and the
+    /// accepted form.
     pub fn parse(&self, key: &str) -> Result<Key, KeyRefused> {
         if key.len() > KEY_BYTES_MAX {
             return Err(KeyRefused::TooLong { length: key.len() });

@@ -8,7 +8,7 @@ use crate::ros::{
     TwistStamped,
 };
 
-/// The ROS 2 messages that a robot's streams may be made of.
+/// ROS 2 message types of a robot's streams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum MessageType {
@@ -36,7 +36,7 @@ pub enum MessageType {
 }
 
 impl MessageType {
-    /// All of them.
+    /// All message types.
     pub const ALL: [Self; 7] = [
         Self::AckermannDriveStamped,
         Self::JointState,
@@ -47,23 +47,23 @@ impl MessageType {
         Self::PointCloud2,
     ];
 
-    /// Those that have steering and speed in one, the usual one first.
+    /// Message types with steering and speed in one, the usual one first.
     pub const OF_WHEEL_ODOMETRY: &'static [Self] = &[Self::AckermannDriveStamped, Self::JointState];
-    /// Those that have a steering angle.
+    /// Message types with a steering angle.
     pub const OF_STEERING: &'static [Self] = &[Self::JointState, Self::AckermannDriveStamped];
-    /// Those that have a speed.
+    /// Message types with a speed.
     pub const OF_SPEED: &'static [Self] = &[
         Self::Odometry,
         Self::TwistStamped,
         Self::JointState,
         Self::AckermannDriveStamped,
     ];
-    /// Those that are scans.
+    /// Message types of scans.
     pub const OF_SCAN: &'static [Self] = &[Self::LaserScan, Self::PointCloud2];
-    /// Those that have a pose of the LiDAR.
+    /// Message types with a pose of the LiDAR.
     pub const OF_LIDAR_ODOMETRY: &'static [Self] = &[Self::Odometry, Self::PoseStamped];
 
-    /// Its ROS 2 type, `sensor_msgs/msg/LaserScan`.
+    /// Returns its ROS 2 type, `sensor_msgs/msg/LaserScan`.
     pub const fn ros_type(self) -> &'static str {
         match self {
             Self::AckermannDriveStamped => AckermannDriveStamped::TYPE,
@@ -76,14 +76,14 @@ impl MessageType {
         }
     }
 
-    /// Its name in the keys of `rmw_zenoh`, `sensor_msgs::msg::dds_::LaserScan_`.
+    /// Returns its name in the keys of `rmw_zenoh`, `sensor_msgs::msg::dds_::LaserScan_`.
     pub fn dds_type(self) -> String {
         let (package, name) = self.package_and_name();
         format!("{package}::msg::dds_::{name}_")
     }
 
-    /// Reads the name of a ROS 2 type in any of the spellings in use, or without its package; `None`
-    /// for any other, such as one of the same name in another package.
+    /// Parses the name of a ROS 2 type in any of the spellings in use, or without its package;
+    /// `None` for any other, such as one of the same name in another package.
     pub fn of_ros_type(name: &str) -> Option<Self> {
         let mut parts = name.rsplit(['/', ':', '\u{a7}']);
         let last = parts.next()?;
@@ -101,7 +101,7 @@ impl MessageType {
     }
 }
 
-/// Which of the messages that a scan may be a robot is configured to send.
+/// Configured message type of a robot's scans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum ScanType {
@@ -115,7 +115,7 @@ pub enum ScanType {
 }
 
 impl ScanType {
-    /// The message.
+    /// Returns the message type.
     pub const fn message_type(self) -> MessageType {
         match self {
             Self::LaserScan => MessageType::LaserScan,
@@ -124,18 +124,17 @@ impl ScanType {
     }
 }
 
-/// How a payload is to be read: its encoding, and its type where the sender names it.
+/// Form of a payload: its encoding, and its type where the sender names it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Form {
     /// CDR or JSON.
     pub encoding: Encoding,
-    /// What stands behind the `;` of a Zenoh encoding or in the key, where it is a type of
-    /// [`MessageType`].
+    /// Type behind the `;` of a Zenoh encoding or in the key, if it is one of [`MessageType`].
     pub message_type: Option<MessageType>,
 }
 
 impl Form {
-    /// Reads a Zenoh encoding.
+    /// Parses a Zenoh encoding.
     ///
     /// # Errors
     /// Any other encoding than CDR and JSON, by name.
@@ -147,7 +146,7 @@ impl Form {
         })
     }
 
-    /// Its name on the wire: `application/cdr;sensor_msgs/msg/PointCloud2`.
+    /// Returns its name on the wire: `application/cdr;sensor_msgs/msg/PointCloud2`.
     pub fn to_text(self) -> String {
         let encoding = self.encoding.as_str();
         match self.message_type {

@@ -14,25 +14,25 @@ use fleetcal_model::{Generation, RobotId, WallTime};
 
 use crate::calibration::Envelope;
 
-/// Bytes of a question.
+/// Length of a question, bytes.
 pub const QUESTION_BYTES: usize = 16;
 
-/// A random number that a robot asks with, as 32 lower-case hexadecimal digits.
+/// Random number in a robot's query, as 32 lower-case hexadecimal digits.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Question(String);
 
-/// Why a text is no question.
+/// Reason for which a text is not a question.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("question: got {got:?}, expected 32 lower-case hexadecimal digits")]
 pub struct QuestionRefused {
-    /// Its beginning.
+    /// Its first characters.
     pub got: String,
 }
 
 impl Question {
-    /// The question that bytes of a cryptographic random source make.
+    /// Makes a question from bytes of a cryptographic random source.
     pub fn from_bytes(bytes: [u8; QUESTION_BYTES]) -> Self {
         let mut digits = String::with_capacity(2 * QUESTION_BYTES);
         for byte in bytes {
@@ -42,7 +42,7 @@ impl Question {
         Self(digits)
     }
 
-    /// Reads a question.
+    /// Parses a question.
     ///
     /// # Errors
     /// When it is anything but 32 lower-case hexadecimal digits.
@@ -55,7 +55,7 @@ impl Question {
         Ok(Self(text.to_owned()))
     }
 
-    /// Its digits.
+    /// Returns its digits.
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -69,37 +69,36 @@ impl TryFrom<String> for Question {
     }
 }
 
-/// The schema an offer says it follows.
+/// Schema of an offer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum OfferSchema {
-    /// The first.
+    /// The first version.
     #[default]
     #[serde(rename = "fleetcal.offer/1")]
     V1,
 }
 
-/// The service's word that a robot should hold a document: the content of [`Offered::offer`].
+/// Offer of a document to a robot: the content of [`Offered::offer`].
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct OfferDocument {
-    /// The schema it follows.
+    /// Schema of the offer.
     pub schema: OfferSchema,
-    /// Whom it is for.
+    /// Id of the robot that it is for.
     pub robot: RobotId,
     /// Generation of the document: the newest that the robot should hold.
     pub generation: Generation,
     /// SHA-256 of the document, lower-case hexadecimal.
     pub sha256: String,
-    /// When it was made, ns since 1970, by the service's clock.
+    /// Time at which it was made, ns since 1970, by the service's clock.
     pub offered_at_ns: WallTime,
-    /// Its end, by the same clock: nobody begins to use the document later.
+    /// End of its validity, by the same clock: a robot never begins to use the document later.
     pub valid_until_ns: WallTime,
-    /// The question that it answers; absent from what is sent to everybody.
+    /// Question that it answers; absent in messages to everybody.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub question: Option<Question>,
 }
 
-/// A signed document and the service's word that it is wanted, on
-/// `{root}/{robot}/calibration/approved`.
+/// A signed document with its offer, on `{root}/{robot}/calibration/approved`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Offered {
@@ -107,7 +106,7 @@ pub struct Offered {
     #[serde(flatten)]
     pub envelope: Envelope,
     /// A signed text of schema `fleetcal.offer/1`, with the document's generation and hash, its end
-    /// and the robot's question. Absent where a document is only shown, and from services of before.
+    /// and the robot's question. Absent where a document is only shown, and from older services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offer: Option<Envelope>,
 }

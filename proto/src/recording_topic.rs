@@ -2,13 +2,13 @@
 
 use crate::{Encoding, MessageType};
 
-/// A topic of a session, and what its messages are.
+/// Topic of a session, with the type of its messages.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RecordingTopic {
     /// The topic, `/tugger_01/scan`.
     pub topic: String,
     /// The type of its messages.
     pub message_type: MessageType,
-    /// How they are written.
+    /// Encoding of its messages.
     pub encoding: Encoding,
 }

@@ -4,6 +4,7 @@
 use std::error::Error;
 use std::io::Write;
 use std::net::TcpListener;
+use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -33,6 +34,7 @@ async fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
         keys,
         trusted: None,
         start_stamp_ns: 1_760_000_000_000_000_000,
+        rate: NonZeroU32::MIN,
     };
     let stop = CancellationToken::new();
     let before_s = cpu_s()?;
@@ -77,7 +79,7 @@ async fn count(router: &zenoh::Session, key: &str) -> zenoh::Result<Arc<AtomicU6
     Ok(counter)
 }
 
-/// Processor time this process has used, s.
+/// Returns the processor time this process has used, s.
 fn cpu_s() -> Result<f64, Box<dyn Error + Send + Sync>> {
     let stat = std::fs::read_to_string("/proc/self/stat")?;
     // Behind the name in brackets: state, ten other fields, then user and system time.

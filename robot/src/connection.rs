@@ -6,17 +6,17 @@ use fleetcal_proto::endpoint;
 
 use crate::session_error::SessionError;
 
-/// Largest message a robot reads, bytes.
+/// Largest message that a robot reads, bytes.
 const MESSAGE_BYTES_MAX: usize = 4 * 1024 * 1024;
 
-/// Where a robot connects to.
+/// Endpoints and configuration of a robot's connection.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Connection {
-    /// Endpoints of the service's router, `tcp/127.0.0.1:7447`; the first that answers is taken.
+    /// Endpoints of the service's router, `tcp/127.0.0.1:7447`; the first that answers is used.
     pub endpoints: Vec<String>,
-    /// A native Zenoh configuration (JSON5 or YAML by its ending), taken as it is but for the
-    /// streams of QUIC endpoints; `endpoints`
-    /// replace those in it when there are any. Without it, a client that finds nobody by itself.
+    /// A native Zenoh configuration (JSON5 or YAML by its suffix), used unchanged except for the
+    /// streams of QUIC endpoints; `endpoints` replace its own if they are not empty. Without it,
+    /// the session is a client without discovery.
     pub zenoh_config: Option<PathBuf>,
 }
 
@@ -39,11 +39,11 @@ impl std::fmt::Display for Connection {
 }
 
 impl Connection {
-    /// The session's configuration, with QUIC in one stream. Opening a client of [`Connection::endpoints`]
-    /// alone fails after `timeout_ms`.
+    /// Makes the session's configuration, with QUIC in one stream. Opening a client of
+    /// [`Connection::endpoints`] alone fails after `timeout_ms`.
     ///
     /// # Errors
-    /// When the file cannot be read or used, or an endpoint is none.
+    /// The file cannot be read or used, or an endpoint is invalid.
     pub(crate) fn config(&self, timeout_ms: u64) -> Result<zenoh::Config, SessionError> {
         let mut config = match &self.zenoh_config {
             Some(path) => zenoh::Config::from_file(path).map_err(|error| SessionError::File {

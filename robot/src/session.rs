@@ -12,7 +12,7 @@ use zenoh::qos::CongestionControl;
 use crate::connection::Connection;
 use crate::session_error::SessionError;
 
-/// How long one attempt to connect may take.
+/// Timeout of one attempt to connect.
 const CONNECT_TIMEOUT_MS: u64 = 2000;
 /// Pause between two attempts.
 const CONNECT_PAUSE: Duration = Duration::from_secs(1);
@@ -33,7 +33,7 @@ impl ClientConfig {
         connect.config(CONNECT_TIMEOUT_MS).map(Self)
     }
 
-    /// Opens a session, again and again until somebody is there; `None` when told to stop before.
+    /// Opens a session, repeating until it connects; `None` if stopped before.
     pub async fn open(
         &self,
         robot: &RobotId,

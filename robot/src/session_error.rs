@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// Why Zenoh refused.
+/// Error of Zenoh.
 #[derive(Debug, Error)]
 pub enum SessionError {
     /// The native configuration cannot be used.
@@ -12,25 +12,25 @@ pub enum SessionError {
     File {
         /// The file.
         path: PathBuf,
-        /// What Zenoh says.
+        /// Error of Zenoh.
         reason: String,
     },
-    /// The client's configuration cannot be.
+    /// The client's configuration is invalid.
     #[error("{field} is {value}: {reason}")]
     Config {
         /// Zenoh's key.
         field: &'static str,
         /// Its value.
         value: String,
-        /// What Zenoh says.
+        /// Error of Zenoh.
         reason: String,
     },
-    /// Something could not be declared or sent.
+    /// A declaration or message failed.
     #[error("{key}: {reason}")]
     Key {
         /// The key expression.
         key: String,
-        /// What Zenoh says.
+        /// Error of Zenoh.
         reason: String,
     },
     /// The thread that opens a session ended.

@@ -1,4 +1,4 @@
-//! Tells cargo what the API embeds: the dashboard's pages.
+//! Build script, which declares the API's embedded files to cargo: the dashboard's pages.
 
 use std::path::Path;
 

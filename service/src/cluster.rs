@@ -9,7 +9,7 @@ use fleetcal_operations::peers::{PeerUrl, Peers, PeersError, PeersSetup};
 use fleetcal_store::cluster::Joining;
 use tokio_util::sync::CancellationToken;
 
-/// What this process says of itself when it joins; `None` where it is alone.
+/// Makes this process's description for joining a cluster; `None` where it is alone.
 pub fn joining(config: &Config, lifecycle: &Lifecycle, http: SocketAddr) -> Option<Joining> {
     let cluster = &config.cluster;
     Some(Joining {
@@ -23,11 +23,11 @@ pub fn joining(config: &Config, lifecycle: &Lifecycle, http: SocketAddr) -> Opti
     })
 }
 
-/// The other instances, as far as they are configured; none where this process is alone. Their
+/// Makes the clients of the configured other instances; none where this process is alone. Their
 /// addresses are looked up until `stop`.
 ///
 /// # Errors
-/// When they may not be asked, or the certificates by which they are authenticated cannot be used.
+/// They may not be contacted, or the certificates by which they are authenticated cannot be used.
 pub fn peers(
     config: &Config,
     http: SocketAddr,

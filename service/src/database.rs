@@ -11,7 +11,7 @@ use fleetcal_store::database_url::{DatabaseUrlRefused, PostgresUrl};
 use fleetcal_store::{Administration, Store, StoreError};
 use thiserror::Error;
 
-/// Why a command has no database.
+/// Reason for which a command has no database.
 #[derive(Debug, Error)]
 pub enum DatabaseError {
     /// The URL is refused.
@@ -25,12 +25,12 @@ pub enum DatabaseError {
         "{0} is not copied by fleetcal: use pg_dump --format=custom, or the backups of its servers"
     )]
     CopiedElsewhere(String),
-    /// It cannot be opened.
+    /// The database cannot be opened.
     #[error(transparent)]
     Store(#[from] StoreError),
 }
 
-/// The flags that name a PostgreSQL.
+/// Flags that name a PostgreSQL.
 #[derive(Debug, Clone, Default, Args)]
 pub struct DatabaseArguments {
     /// PostgreSQL that keeps the records instead of the data folder, such as
@@ -43,16 +43,16 @@ pub struct DatabaseArguments {
         hide_env_values = true
     )]
     database: Option<String>,
-    /// File whose first line is the password [default: what PGPASSFILE names]
+    /// File whose first line is the password [default: the file in PGPASSFILE]
     #[arg(long, value_name = "FILE", env = "FLEETCAL_DATABASE_PASSWORD_FILE")]
     database_password_file: Option<PathBuf>,
 }
 
 impl DatabaseArguments {
-    /// The database that is named.
+    /// Returns the database that the flags name.
     ///
     /// # Errors
-    /// When its URL is refused.
+    /// The URL is refused.
     pub fn setup(&self) -> Result<Option<PostgresSetup>, DatabaseUrlRefused> {
         let Some(text) = &self.database else {
             return Ok(None);
@@ -63,10 +63,10 @@ impl DatabaseArguments {
         }))
     }
 
-    /// Puts what is named here into a configuration, where it counts more.
+    /// Puts the flags into a configuration, where they have precedence.
     ///
     /// # Errors
-    /// When the URL is refused.
+    /// The URL is refused.
     pub fn put_into(&self, config: &mut Config) -> Result<(), DatabaseUrlRefused> {
         if let Some(setup) = self.setup()? {
             config.database = Some(setup.url);
@@ -78,7 +78,7 @@ impl DatabaseArguments {
     }
 }
 
-/// Where a command finds the records of a service.
+/// Place of a service's records, by a command's flags.
 #[derive(Debug, Clone, Args)]
 pub struct Place {
     /// The service's data folder
@@ -92,7 +92,7 @@ impl Place {
     /// Opens the database, also while a service runs on it.
     ///
     /// # Errors
-    /// When it is not there or cannot be used.
+    /// The database is missing or cannot be used.
     pub async fn administration(&self) -> Result<Administration, DatabaseError> {
         Ok(match (self.database.setup()?, &self.data) {
             (Some(setup), _) => fleetcal_postgres::administration(setup).await?,
@@ -102,10 +102,10 @@ impl Place {
         })
     }
 
-    /// The data folder.
+    /// Returns the data folder.
     ///
     /// # Errors
-    /// [`DatabaseError::CopiedElsewhere`] when the records are in PostgreSQL.
+    /// [`DatabaseError::CopiedElsewhere`] if the records are in PostgreSQL.
     pub fn folder(&self) -> Result<&Path, DatabaseError> {
         if let Some(setup) = self.database.setup()? {
             return Err(DatabaseError::CopiedElsewhere(setup.url.to_string()));
@@ -114,11 +114,11 @@ impl Place {
     }
 }
 
-/// Opens the store that a configuration names. The data folder is held in either case: the signing
-/// key is there.
+/// Opens the store that a configuration names. The data folder is locked in either case: the
+/// signing key is there.
 ///
 /// # Errors
-/// When it cannot be opened.
+/// The store cannot be opened.
 pub async fn open(config: &Config, clock: SharedClock) -> Result<Store, StoreError> {
     let Some(url) = &config.database else {
         return fleetcal_sqlite::open(&config.data, clock).await;

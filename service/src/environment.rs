@@ -24,14 +24,14 @@ use std::process::Command;
 
 use fleetcal_domain::limits::{ZENOH_CONFIG_BYTES_MAX, ZENOH_RECEIVING_THREADS};
 
-/// Where Zenoh reads how many threads it has.
+/// Variable from which Zenoh reads its number of threads.
 const ZENOH: &str = "ZENOH_RUNTIME";
-/// One thread for connections whose bytes two threads may not touch.
+/// Value for one thread, for connections whose bytes two threads must not share.
 const ONE_THREAD: &str =
     "(rx:(worker_threads:1),tx:(handover:rx),acc:(handover:rx),net:(handover:rx))";
-/// What the endpoint of a TLS connection begins with.
+/// Prefix of the endpoint of a TLS connection.
 const TLS: &[u8] = b"tls/";
-/// Where jemalloc reads when it gives pages back, ms.
+/// Variable from which jemalloc reads the delay before it returns pages, and its value, ms.
 const JEMALLOC: (&str, &str) = (
     "_RJEM_MALLOC_CONF",
     if cfg!(target_env = "musl") {
@@ -41,21 +41,22 @@ const JEMALLOC: (&str, &str) = (
     },
 );
 
-/// Whom a process connects with.
+/// Peers of a process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Peers {
-    /// With many sessions that nobody answers for.
+    /// Many sessions that nobody answers for.
     Many,
-    /// With its service or router.
+    /// Its service or router alone.
     One,
 }
 
-/// Begins the process again, under the same number, with [`ZENOH_RECEIVING_THREADS`] threads and an
-/// allocator that gives memory back soon, unless the environment says otherwise; with one thread where
-/// an argument or a word in `more` speaks of TLS, or a file that one of them or `ZENOH_CONFIG` names.
+/// Restarts the process, under the same number, with [`ZENOH_RECEIVING_THREADS`] threads and an
+/// allocator that soon returns memory, unless the environment sets them otherwise; with one thread
+/// if an argument or a word in `more` names a TLS endpoint, or a file that one of them or
+/// `ZENOH_CONFIG` names does.
 ///
 /// # Errors
-/// Returns only when it did not begin again: with the reason, or `Ok` when there was no need.
+/// Returns only if it did not restart: with the reason, or `Ok` if there was no need.
 pub fn ensure(peers: Peers, more: Vec<OsString>) -> io::Result<()> {
     let words = std::env::args_os().chain(std::env::var_os("ZENOH_CONFIG"));
     let over_tls = speaks_of_tls(words.chain(more));
@@ -90,8 +91,8 @@ pub fn ensure(peers: Peers, more: Vec<OsString>) -> io::Result<()> {
     Err(again.exec())
 }
 
-/// Whether a word, or the file that it names, holds the endpoint of a TLS connection. Where one holds it for
-/// another reason, one thread serves all: it is told when the process begins.
+/// True if a word, or the file that it names, holds the endpoint of a TLS connection. A match for
+/// another reason also leads to one thread, which is logged at the start.
 fn speaks_of_tls(mut words: impl Iterator<Item = OsString>) -> bool {
     words.any(|word| {
         let has = |bytes: &[u8]| bytes.windows(TLS.len()).any(|part| part == TLS);

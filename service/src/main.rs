@@ -14,18 +14,18 @@ use fleetcal::command::{
 use fleetcal::environment::{self, Peers};
 use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
 use fleetcal_command::zenoh_words::{WithoutPlaces, without_places};
-use fleetcal_command::{agent, calibrate, odometry, replay, schema, simulate};
+use fleetcal_command::{agent, calibrate, doctor, odometry, replay, schema, simulate};
 use fleetcal_domain::limits::ZENOH_LOG_LINES_PER_HOUR_MAX;
 use fleetcal_fleet::budget::Budget;
 use tracing_subscriber::filter::{EnvFilter, FilterExt as _, dynamic_filter_fn};
 use tracing_subscriber::layer::{Layer as _, SubscriberExt as _};
 use tracing_subscriber::util::SubscriberInitExt as _;
 
-/// Threads that still work for a library when a command has ended get this long.
+/// Time that a library's working threads get after a command has ended.
 const LEFT_OVER_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// Gives back what a flood took. glibc's arenas, one for each of Zenoh's threads, return little: of
-/// 2,000 sign-ins 20 MiB stayed there.
+/// Allocator that returns memory after a flood. glibc's arenas, one for each of Zenoh's threads,
+/// return little: after 2,000 sign-ins 20 MiB stayed there.
 #[global_allocator]
 static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
 
@@ -62,6 +62,7 @@ fn run(command: &Command) -> Result<(), CommandError> {
     let clock: SharedClock = Arc::new(SystemClock::start());
     match command {
         Command::Calibrate(arguments) => Ok(calibrate::run(arguments, &*clock)?),
+        Command::Doctor(arguments) => Ok(doctor::run(arguments)?),
         Command::Odometry(arguments) => Ok(odometry::run(arguments, &*clock)?),
         Command::Serve(arguments) => on_runtime(serve::run(arguments, clock)),
         Command::Replay(arguments) => on_runtime(replay::run(arguments)),
@@ -81,7 +82,7 @@ fn run(command: &Command) -> Result<(), CommandError> {
     }
 }
 
-/// Runs a command that waits for the world, on as many threads as there are cores.
+/// Runs an asynchronous command, on as many threads as there are cores.
 fn on_runtime<E>(command: impl Future<Output = Result<(), E>>) -> Result<(), CommandError>
 where
     CommandError: From<E>,
@@ -94,7 +95,7 @@ where
     Ok(result?)
 }
 
-/// An error with what it came from, each said once.
+/// Formats an error with its causes, each once.
 fn in_one_sentence(error: &CommandError) -> String {
     let mut sentence = error.to_string();
     let mut source = error.source();
@@ -108,8 +109,8 @@ fn in_one_sentence(error: &CommandError) -> String {
     sentence
 }
 
-/// Logs go to standard error; `RUST_LOG` chooses which. What Zenoh logs, others can make it log: it
-/// has a budget.
+/// Sets up logging to standard error, filtered by `RUST_LOG`. Zenoh's lines, which peers can cause
+/// at will, have a budget.
 fn log() {
     let chosen = EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| EnvFilter::new("info,zenoh=warn,zenoh_transport=warn"));

@@ -35,7 +35,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::{cluster, database};
 
-/// What this program was built from. A build says its commit in the variable `FLEETCAL_COMMIT`.
+/// Version and commit of this program; a build sets the commit in the variable `FLEETCAL_COMMIT`.
 const BUILD: BuildInfo = BuildInfo {
     version: env!("CARGO_PKG_VERSION"),
     commit: match option_env!("FLEETCAL_COMMIT") {
@@ -44,15 +44,15 @@ const BUILD: BuildInfo = BuildInfo {
     },
 };
 
-/// Why the service could not be started.
+/// Reason for which the service could not be started.
 #[derive(Debug, Error)]
 pub enum ServiceError {
-    /// Its HTTP address cannot be listened on.
+    /// The HTTP address cannot be listened on.
     #[error("cannot listen on {address} for HTTP: {source}")]
     Http {
         /// The address.
         address: SocketAddr,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// Its store cannot be opened or read.
@@ -67,7 +67,7 @@ pub enum ServiceError {
     /// The system has no randomness.
     #[error("the system gives no random bytes: {0}")]
     Entropy(#[from] NoEntropy),
-    /// An instance has no database that it could share.
+    /// An instance has no shared database.
     #[error(
         "cluster.instance: got {}, expected none without a database that several can share: name \
          it with --database postgres://…",
@@ -86,7 +86,7 @@ pub enum ServiceError {
         limits::ROBOTS_MAX
     )]
     TooManyRobots {
-        /// How many there are.
+        /// Number of configured robots.
         configured: usize,
     },
 }
@@ -102,9 +102,9 @@ pub struct Service {
     http: JoinHandle<()>,
     http_address: SocketAddr,
     public_url: Option<PublicUrl>,
-    /// The text of the code that makes the first administrator, while there is nobody.
+    /// Text of the code that makes the first administrator, while there are no users.
     setup_code: Option<String>,
-    /// Its place in the cluster, and what follows the other instances.
+    /// Its place in the cluster, and the follower of the other instances.
     part: Option<(Ownership, Following)>,
     stop: CancellationToken,
 }
@@ -113,7 +113,7 @@ impl Service {
     /// Starts everything: the store, a task for each robot, the API, and at last the link.
     ///
     /// # Errors
-    /// When an address is in use, the store cannot be opened, or Zenoh refuses its configuration.
+    /// An address is in use, the store cannot be opened, or Zenoh refuses its configuration.
     pub async fn start(config: Config, clock: SharedClock) -> Result<Self, ServiceError> {
         let link_setup = link_setup(&config)?;
         let membership = link_setup.membership.clone();
@@ -186,19 +186,19 @@ impl Service {
         })
     }
 
-    /// Gives its robots to the other instances, where there are any.
+    /// Hands its robots over to the other instances, if there are any.
     pub async fn leave_cluster(&self) {
         if let Some((ownership, _)) = &self.part {
             ownership.leave().await;
         }
     }
 
-    /// Where the API and the dashboard are.
+    /// Returns the address of the API and the dashboard.
     pub fn http_address(&self) -> SocketAddr {
         self.http_address
     }
 
-    /// Where people reach the API and the dashboard.
+    /// Returns the public URL of the API and the dashboard.
     pub fn url(&self) -> String {
         match &self.public_url {
             Some(url) => url.as_str().to_owned(),
@@ -206,32 +206,32 @@ impl Service {
         }
     }
 
-    /// The link by which the first administrator is made; `None` once there are users. The code
-    /// stands behind the `#`, which browsers do not send.
+    /// Returns the link by which the first administrator is made; `None` once there are users. The
+    /// code follows the `#`, which browsers do not send.
     pub fn setup_link(&self) -> Option<String> {
         let code = self.setup_code.as_ref()?;
         Some(format!("{}/setup#code={code}", self.url()))
     }
 
-    /// The robots.
+    /// Returns the fleet.
     pub fn fleet(&self) -> &FleetHandle {
         &self.fleet
     }
 
-    /// What is kept.
+    /// Returns the store.
     pub fn store(&self) -> &Store {
         &self.store
     }
 
-    /// The life cycle of calibrations.
+    /// Returns the life cycle of calibrations.
     pub fn lifecycle(&self) -> &Lifecycle {
         &self.workers.lifecycle
     }
 
-    /// Takes no further message, works through what waits, stores it, and ends.
+    /// Stops receiving, processes and stores the waiting messages, and ends.
     ///
     /// # Errors
-    /// [`StoreError::RowsLost`] when not everything could be stored, or the database's failure.
+    /// [`StoreError::RowsLost`] if some rows could not be stored, or the database's failure.
     pub async fn stop(self) -> Result<(), StoreError> {
         self.link_open.send_replace(false);
         self.stop.cancel();
@@ -249,7 +249,7 @@ impl Service {
     }
 }
 
-/// What the link is made with, and what it would refuse before it opens anything.
+/// Makes the link's setup, and checks it before anything is opened.
 fn link_setup(config: &Config) -> Result<LinkSetup, ServiceError> {
     if let (Some(instance), None) = (&config.cluster.instance, &config.database) {
         let instance = instance.clone();
@@ -270,7 +270,7 @@ fn link_setup(config: &Config) -> Result<LinkSetup, ServiceError> {
     Ok(setup)
 }
 
-/// The text of a new code for the first administrator, when there is no user.
+/// Makes the text of a new code for the first administrator, if there are no users.
 async fn setup_code(store: &Store, now: WallTime) -> Result<Option<String>, ServiceError> {
     if store.has_users().await? {
         return Ok(None);
@@ -280,8 +280,8 @@ async fn setup_code(store: &Store, now: WallTime) -> Result<Option<String>, Serv
     Ok(counts.then_some(text))
 }
 
-/// Those who look after the fleet: the lifecycle for its calibrations, the alert evaluator for what is wrong
-/// with it, and the webhook dispatcher for who is told of that.
+/// Background workers: the lifecycle for calibrations, the alert evaluator for faults of the fleet,
+/// and the webhook dispatcher for the messages about them.
 #[derive(Debug)]
 struct Workers {
     lifecycle: Lifecycle,
@@ -297,7 +297,7 @@ impl Workers {
     }
 }
 
-/// What an instance takes its place in the cluster with.
+/// Context in which an instance joins the cluster.
 struct Part<'a> {
     store: &'a Store,
     fleet: &'a FleetHandle,
@@ -308,8 +308,8 @@ struct Part<'a> {
 }
 
 impl Part<'_> {
-    /// Joins the cluster, and follows what others decide after `last_decided`; `None` of a service
-    /// that is alone.
+    /// Joins the cluster, and follows the decisions of others after `last_decided`; `None` for a
+    /// service that is alone.
     async fn join(
         self,
         config: &Config,
@@ -392,7 +392,7 @@ async fn start_workers(
     })
 }
 
-/// Ends what was started before the link could not be opened.
+/// Ends everything that was started before the link could not be opened.
 async fn end_without_link(
     part: Option<(Ownership, Following)>,
     workers: &Workers,
@@ -414,8 +414,8 @@ async fn close_store(store: &Store) {
     }
 }
 
-/// The fleet as it was stored, and as the configuration file has it: of a robot that is in both,
-/// the file's vehicle counts; of several instances, the stored one.
+/// Starts the fleet from the store and the configuration file: for a robot in both, the file's
+/// vehicle applies; with several instances, the stored one.
 async fn start_fleet(
     config: &Config,
     store: &Store,

@@ -8,6 +8,7 @@
 )]
 
 use std::net::{SocketAddr, TcpListener};
+use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -29,6 +30,8 @@ use tokio_util::sync::CancellationToken;
 
 /// The offsets of the paper's two runs, degrees.
 const OFFSETS_DEG: [f64; 2] = [2.92, -1.25];
+/// Robots live so many times as fast as the clock goes.
+const RATE: NonZeroU32 = NonZeroU32::new(4).unwrap();
 /// What is left after the push must be below this, degrees.
 const RESIDUAL_MAX_DEG: f64 = 0.1;
 /// What a proposal promises is met to this part of the gain.
@@ -160,6 +163,7 @@ async fn an_offset_is_found_approved_pulled_and_proven() {
             keys: Keys::default(),
             trusted: Some(TrustedKeys::from(service.lifecycle().public_key())),
             start_stamp_ns: clock.now().0,
+            rate: RATE,
         },
         stop.clone(),
     ));

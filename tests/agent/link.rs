@@ -10,7 +10,7 @@ pub struct Link {
 }
 
 impl Link {
-    /// A link to a router's endpoint.
+    /// Makes a link to a router's endpoint.
     pub async fn to(router: &str) -> Self {
         let router = router.strip_prefix("tcp/").unwrap().to_owned();
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
@@ -33,7 +33,7 @@ impl Link {
     }
 }
 
-/// Until either end closes, or the test ends.
+/// Forwards until either end closes, or the test ends.
 async fn carry(
     mut from: impl AsyncRead + Unpin,
     mut to: impl AsyncWrite + Unpin,

@@ -8,7 +8,7 @@ use fleetcal_proto::calibration::{CalibrationDocument, CalibrationValues};
 use fleetcal_tests::binary;
 use tempfile::TempDir;
 
-use crate::service::{approved, key, offset_rad};
+use crate::agent::service::{approved, key, offset_rad};
 
 pub struct Robot {
     folder: TempDir,
@@ -48,14 +48,14 @@ impl Robot {
         self.process = Some(child.unwrap());
     }
 
-    /// `kill -9`.
+    /// Kills it as `kill -9` does.
     pub fn kill(&mut self) {
         let mut process = self.process.take().unwrap();
         process.kill().unwrap();
         process.wait().unwrap();
     }
 
-    /// Tells it to stop, and returns what it said.
+    /// Stops it by a signal, and returns its output.
     pub fn stop(&mut self) -> String {
         let mut process = self.process.take().unwrap();
         let id = process.id().to_string();
@@ -72,14 +72,14 @@ impl Robot {
         calls.lines().map(str::to_owned).collect()
     }
 
-    /// What the agent remembers.
+    /// Returns the agent's memory.
     pub fn memory(&self) -> serde_json::Value {
         let memory = std::fs::read(self.path("calibration.json.agent.json")).unwrap();
         serde_json::from_slice(&memory).unwrap()
     }
 
-    /// The generation whose values the file holds, whole and as they were sealed; 0 when there is no
-    /// file.
+    /// Returns the generation whose values the file holds, whole and as they were sealed; 0 without
+    /// a file.
     pub fn generation_in_file(&self) -> u64 {
         let Ok(text) = std::fs::read_to_string(self.path("calibration.json")) else {
             return 0;

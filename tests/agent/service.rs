@@ -15,7 +15,7 @@ use fleetcal_proto::{Keys, RobotId, StreamKind};
 use tokio::sync::mpsc;
 use zenoh::{Session, Wait};
 
-/// Longest time that anything may take.
+/// Longest wait for a condition.
 const PATIENCE: Duration = Duration::from_secs(45);
 
 fn robot() -> RobotId {
@@ -26,7 +26,7 @@ pub fn key() -> SigningKey {
     SigningKey::from_bytes(&[5; 32])
 }
 
-/// The steering offset of a generation: no two have the same.
+/// Returns the steering offset of a generation, different for each.
 pub fn offset_rad(generation: u64) -> f64 {
     1e-4 * generation as f64
 }
@@ -58,7 +58,7 @@ pub fn approved(generation: u64) -> Envelope {
     seal(&document, &key()).unwrap()
 }
 
-/// The document with the service's word that it is wanted, in answer to a question.
+/// Makes the document with the service's offer, in answer to a question.
 fn wanted(envelope: &Envelope, question: Option<Question>) -> Offered {
     let document = envelope.open(&key().public_key().into()).unwrap();
     let offer = OfferDocument {
@@ -151,7 +151,7 @@ impl Service {
         about_it.any(|answer| answer.status == applied)
     }
 
-    /// Each answer names the document that was approved, and says with what the robot drives then.
+    /// Asserts that each acknowledgement names the approved document and the values in use.
     pub fn assert_every_answer_is_true(&self) {
         for answer in self.answers() {
             assert_eq!(answer.status, AppliedStatus::Applied, "{answer:?}");
@@ -182,7 +182,7 @@ impl Service {
         answering.background().await.unwrap();
     }
 
-    /// Stores every answer, and says so afterwards.
+    /// Stores every acknowledgement, and confirms it afterwards.
     async fn listen(&self) {
         let (sender, mut to_confirm) = mpsc::channel::<Confirmed>(64);
         let stored = Arc::clone(&self.stored);

@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 
 use pulldown_cmark::{Event, HeadingLevel, Options, Parser, Tag, TagEnd};
 
-/// Words and phrases that are not used, with the term instead.
+/// Words and phrases to avoid, with the term instead.
 pub const NOT_USED: &[(&str, &str)] = &[
     ("anew", "again, from scratch"),
     ("whoever", "a person who, clients that"),
@@ -32,8 +32,8 @@ pub const NOT_USED: &[(&str, &str)] = &[
     ("sweeps", "scans"),
 ];
 
-/// Files that may use words of [`NOT_USED`] which begin so, with the reason. An empty path is all
-/// Rust sources.
+/// Files that may use words of [`NOT_USED`] with this beginning, with the reason. An empty path is
+/// all Rust sources.
 pub const MAY_USE: &[(&str, &str, &str)] = &[
     ("tests/architecture/documents.rs", "", "lists the words"),
     ("docs/upgrading.md", "", "names what was renamed"),
@@ -46,7 +46,8 @@ pub const MAY_USE: &[(&str, &str, &str)] = &[
     ("", "whoever", "only documents avoid it so far"),
 ];
 
-/// Abbreviated commit ids of a text: seven to ten hexadecimal digits, letters and figures, outside links.
+/// Returns the abbreviated commit ids of a text: seven to ten hexadecimal digits, letters and
+/// figures, outside links.
 pub fn commits(text: &str) -> Vec<&str> {
     let is_id = |word: &&str| {
         (7..=10).contains(&word.len())
@@ -61,7 +62,7 @@ pub fn commits(text: &str) -> Vec<&str> {
     parts.filter(is_id).collect()
 }
 
-/// A document: where its links lead, and the anchors of its headings.
+/// Links of a document, and the anchors of its headings.
 #[derive(Debug, Default)]
 pub struct Document {
     pub links: Vec<String>,
@@ -103,7 +104,7 @@ impl Document {
     }
 }
 
-/// A heading's anchor, as the hosts of repositories and mdBook make it.
+/// Returns a heading's anchor, as the hosts of repositories and mdBook make it.
 fn anchor(title: &str) -> String {
     title
         .trim()
@@ -114,7 +115,8 @@ fn anchor(title: &str) -> String {
         .collect()
 }
 
-/// Links that lead nowhere: `from -> to`. Documents and other files by their paths from the root.
+/// Returns the broken links: `from -> to`. Documents and other files have their paths from the
+/// root.
 pub fn broken(
     documents: &BTreeMap<PathBuf, Document>,
     exists: impl Fn(&Path) -> bool,
@@ -143,7 +145,7 @@ pub fn broken(
     broken
 }
 
-/// A path without `..`.
+/// Removes `..` from a path.
 fn normal(path: &Path) -> PathBuf {
     let mut parts = PathBuf::new();
     for part in path.components() {
@@ -156,7 +158,7 @@ fn normal(path: &Path) -> PathBuf {
     parts
 }
 
-/// Whether a file may use a word, by [`MAY_USE`].
+/// True if a file may use a word, by [`MAY_USE`].
 fn may_use(file: &str, word: &str) -> bool {
     MAY_USE.iter().any(|(path, exempt, _)| {
         let is_there = match *path {
@@ -169,7 +171,7 @@ fn may_use(file: &str, word: &str) -> bool {
     })
 }
 
-/// The words of [`NOT_USED`] in the text of a file: `line: word, use …`.
+/// Finds the words of [`NOT_USED`] in the text of a file: `line: word, use …`.
 pub fn not_used(file: &str, text: &str) -> Vec<String> {
     let mut found = Vec::new();
     for (number, line) in text.lines().enumerate() {
@@ -186,7 +188,7 @@ pub fn not_used(file: &str, text: &str) -> Vec<String> {
     found
 }
 
-/// Whether a line of code refuses a value with `field is {value}, expected …`.
+/// True if a line of code refuses a value with `field is {value}, expected …`.
 fn refuses_otherwise(line: &str) -> bool {
     line.match_indices(", expected").any(|(at, _)| {
         let before = &line[..at];
@@ -195,7 +197,7 @@ fn refuses_otherwise(line: &str) -> bool {
     })
 }
 
-/// Whether a line has a phrase, not as a part of longer words.
+/// True if a line has a phrase, not as a part of longer words.
 fn has(line: &str, phrase: &str) -> bool {
     line.match_indices(phrase).any(|(at, _)| {
         let beside = |c: Option<char>| c.is_none_or(|c| !c.is_alphanumeric() && c != '_');

@@ -28,7 +28,7 @@ fn root() -> PathBuf {
         .to_path_buf()
 }
 
-/// Names of a crate's normal dependencies (not of its tests or benches).
+/// Returns the names of a crate's normal dependencies (not of its tests or benches).
 fn dependencies(package: &str) -> BTreeSet<String> {
     let output = Command::new(env!("CARGO"))
         .args([
@@ -69,11 +69,19 @@ fn assert_only(package: &str, allowed: &[&str]) {
 }
 
 #[test]
-fn the_estimator_is_pure() {
+fn odometry_and_estimator_are_pure() {
+    // `utoipa` describes settings in OpenAPI, and only where the HTTP API asks for it.
+    let odometrys = ["fleetcal-model", "nalgebra", "serde", "thiserror", "utoipa"];
+    assert_only("fleetcal-odometry", &odometrys);
+    let estimators = [&odometrys[..], &["fleetcal-odometry"]].concat();
+    assert_only("fleetcal-estimator", &estimators);
+}
+
+#[test]
+fn the_joining_checks_are_pure() {
     assert_only(
-        "fleetcal-estimator",
-        // `utoipa` describes settings in OpenAPI, and only where the HTTP API asks for it.
-        &["fleetcal-model", "nalgebra", "serde", "thiserror", "utoipa"],
+        "fleetcal-checks",
+        &["fleetcal-model", "fleetcal-odometry", "nalgebra"],
     );
 }
 
@@ -106,7 +114,12 @@ fn what_travels_knows_no_transport() {
 #[test]
 fn the_robots_side_knows_neither_service_nor_estimator() {
     let found = dependencies("fleetcal-robot");
-    for stranger in ["fleetcal", "fleetcal-estimator", "axum"] {
+    for stranger in [
+        "fleetcal",
+        "fleetcal-odometry",
+        "fleetcal-estimator",
+        "axum",
+    ] {
         assert!(
             !found.contains(stranger),
             "fleetcal-robot must not depend on {stranger}"
@@ -114,7 +127,7 @@ fn the_robots_side_knows_neither_service_nor_estimator() {
     }
 }
 
-/// Every Rust file below a folder.
+/// Returns every Rust file below a folder.
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -128,7 +141,7 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Lines of code that name `word` as a path, comments left out.
+/// Returns the lines of code that name `word` as a path, comments left out.
 fn uses(path: &Path, word: &str) -> Vec<String> {
     let text = fs::read_to_string(path).unwrap();
     text.lines()
@@ -260,7 +273,9 @@ fn one_module_knows_each_outside_world_within_a_crate() {
 #[test]
 fn pure_crates_touch_no_outside_world() {
     for folder in [
+        "odometry",
         "estimator",
+        "estimator/checks",
         "proto",
         "proto/model",
         "service/cluster",
@@ -303,9 +318,11 @@ fn files_say_what_they_hold_and_stay_readable() {
     }
 }
 
-/// The texts that people read, by their paths from the root.
+/// Reads the documents for people, by their paths from the root.
 fn documents() -> std::collections::BTreeMap<PathBuf, documents::Document> {
-    let mut paths: Vec<PathBuf> = ["estimator/README.md"].map(PathBuf::from).into();
+    let mut paths: Vec<PathBuf> = ["odometry/README.md", "estimator/README.md"]
+        .map(PathBuf::from)
+        .into();
     for folder in ["", "docs"] {
         for entry in fs::read_dir(root().join(folder)).unwrap() {
             let path = entry.unwrap().path();
@@ -336,7 +353,7 @@ fn every_link_of_a_document_leads_somewhere() {
     }
 }
 
-/// Figures of a campaign and the commit they are of belong into a generated page.
+/// Checks that figures of a campaign and its commit are on generated pages only.
 #[test]
 fn no_document_but_a_generated_one_names_a_commit() {
     for path in documents().keys() {
@@ -356,7 +373,14 @@ fn no_document_but_a_generated_one_names_a_commit() {
 fn the_sources_that_architecture_names_are_there() {
     let named = &documents()[Path::new("ARCHITECTURE.md")].sources;
     assert!(named.len() > 20, "{named:?}");
-    let folders = ["proto", "estimator", "robot", "service", "tests"];
+    let folders = [
+        "proto",
+        "odometry",
+        "estimator",
+        "robot",
+        "service",
+        "tests",
+    ];
     let sources: Vec<PathBuf> = folders
         .iter()
         .flat_map(|folder| sources(&root().join(folder)))
@@ -378,6 +402,7 @@ fn nobody_has_to_decode_a_word() {
     files.extend(
         [
             "proto",
+            "odometry",
             "estimator",
             "robot",
             "service",
@@ -405,7 +430,7 @@ fn nobody_has_to_decode_a_word() {
     assert!(found.is_empty(), "{found:#?}");
 }
 
-/// Every file below a folder that has words: built and generated ones apart.
+/// Returns every text file below a folder, except built and generated ones.
 fn texts(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {

@@ -12,7 +12,7 @@ use syn::spanned::Spanned;
 use syn::visit::{self, Visit};
 use syn::{Attribute, Item, UseTree};
 
-/// Re-exports that are followed one after another, at most.
+/// Most re-exports that are followed one after another.
 const HOPS_MAX: usize = 16;
 
 /// A path of modules below the crate, `["fleet", "view"]`.
@@ -21,7 +21,7 @@ type ModulePath = Vec<String>;
 /// A `use`: the names of its path, the last one being what is imported.
 struct Import {
     path: Vec<String>,
-    /// Whether it only hands on something that is defined below its module.
+    /// True if it only re-exports something that is defined below its module.
     is_index: bool,
 }
 
@@ -31,18 +31,18 @@ struct Module {
     items: BTreeSet<String>,
     imports: BTreeMap<String, Import>,
     globs: Vec<Vec<String>>,
-    /// Paths that its code names, as written.
+    /// Paths in its code, as written.
     named: BTreeSet<Vec<String>>,
 }
 
-/// The modules of one crate.
+/// Modules of one crate.
 pub struct Crate {
     modules: BTreeMap<ModulePath, Module>,
-    /// Lines of each file without those under `#[cfg(test)]`.
+    /// Number of lines of each file without those under `#[cfg(test)]`.
     pub lines: BTreeMap<String, usize>,
 }
 
-/// Who uses whom.
+/// Uses: pairs of a user and the used.
 pub type Edges = BTreeSet<(String, String)>;
 
 impl Crate {
@@ -109,7 +109,7 @@ impl Crate {
         self.modules.insert(at, module);
     }
 
-    /// Which file uses which.
+    /// Returns the uses among files.
     pub fn files(&self) -> Edges {
         self.uses()
             .map(|(from, to, _)| (self.modules[from].file.clone(), to.file.clone()))
@@ -117,8 +117,8 @@ impl Crate {
             .collect()
     }
 
-    /// Which module right below the crate uses which: the one that is named and the one in which
-    /// the definition stands. Files right below the crate are modules of their own.
+    /// Returns the uses among the modules right below the crate: the one that is named and the one
+    /// with the definition. Files right below the crate are modules of their own.
     pub fn modules(&self) -> Edges {
         let top = |path: &ModulePath| path.first().cloned().unwrap_or_default();
         let mut edges = Edges::new();
@@ -134,8 +134,8 @@ impl Crate {
         edges
     }
 
-    /// Each use: the module that names something, the module that defines it, and the module
-    /// right below the crate through which it was named.
+    /// Returns each use: the module that names something, the module that defines it, and the
+    /// module right below the crate through which it was named.
     fn uses(&self) -> impl Iterator<Item = (&ModulePath, &Module, String)> {
         self.modules.iter().flat_map(move |(at, module)| {
             let imported = module.imports.values().filter(|import| !import.is_index);
@@ -149,8 +149,8 @@ impl Crate {
         })
     }
 
-    /// The module that a written path begins in, and the names below it; `None` for a path into
-    /// another crate.
+    /// Resolves the module that a written path begins in, and the names below it; `None` for a path
+    /// into another crate.
     fn start<'a>(
         &'a self,
         at: &ModulePath,
@@ -190,7 +190,7 @@ impl Crate {
         }
     }
 
-    /// The module that defines what a path names.
+    /// Returns the module that defines the object of a path.
     fn find(&self, at: &ModulePath, path: &[String], hops: usize) -> Option<&Module> {
         let (mut place, mut rest) = self.start(at, path)?;
         while let Some(name) = rest.first() {
@@ -216,13 +216,13 @@ impl Crate {
     }
 }
 
-/// Whether `file` is the one of a folder in which `below` stands, at any depth.
+/// True if `file` is that of a folder above `below`, at any depth.
 fn is_folder_of(file: &str, below: &str) -> bool {
     let folder = file.strip_suffix("mod.rs").or(file.strip_suffix("lib.rs"));
     folder.is_some_and(|folder| below.starts_with(folder))
 }
 
-/// Whether an item is compiled for tests alone.
+/// True if an item is compiled for tests alone.
 fn is_test(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| {
         attribute.path().is_ident("cfg")
@@ -300,7 +300,7 @@ fn imports(tree: &UseTree, before: &mut Vec<String>, is_public: bool, into: &mut
     }
 }
 
-/// Collects the paths that code names, those inside a macro's call too.
+/// Collector of the paths that code names, including those inside a macro's call.
 struct Names<'a>(&'a mut BTreeSet<Vec<String>>);
 
 impl Names<'_> {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::rust_sources::Edges;
 
-/// Imports among files, given by their paths below `web/src`.
+/// Returns the imports among files, given by their paths below `web/src`.
 pub fn imports(files: &BTreeMap<String, String>) -> Edges {
     let mut edges = Edges::new();
     for (from, text) in files {
@@ -17,7 +17,7 @@ pub fn imports(files: &BTreeMap<String, String>) -> Edges {
     edges
 }
 
-/// What stands in quotes behind `from`, `import` or `import(`.
+/// Returns the quoted texts behind `from`, `import` or `import(`.
 fn named(text: &str) -> impl Iterator<Item = &str> {
     ["from", "import", "import("]
         .into_iter()
@@ -30,7 +30,7 @@ fn named(text: &str) -> impl Iterator<Item = &str> {
         })
 }
 
-/// The file that a relative path of an import means.
+/// Resolves the relative path of an import to its file.
 fn resolve<'a>(files: &'a BTreeMap<String, String>, from: &str, named: &str) -> Option<&'a String> {
     let mut path: Vec<&str> = from.split('/').collect();
     path.pop();

@@ -9,10 +9,10 @@ use fleetcal_tests::{binary, recording};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// Seconds that the robot drives.
+/// Duration of the drive, s.
 const DURATION_S: f64 = 10.0;
 
-/// The report without what depends on the machine.
+/// Returns the report without its machine-dependent part.
 fn calibrated(recording: &Path) -> Value {
     let recording = recording.to_str().unwrap();
     let mut report = binary::run_json(["calibrate", recording, "--wheelbase", "1.2", "--json"]);
@@ -98,7 +98,8 @@ fn what_rosbag2_writes_gives_the_same_numbers_in_every_form() {
     );
 }
 
-/// Splits the only file of a folder in two, whose order its metadata say; without them nothing does.
+/// Checks the only file of a folder after it is split in two, in the order of its metadata; without
+/// these the order is unknown.
 fn a_bag_that_was_split_gives_them_too(python: &Path, split: &Path, expected: &Value) {
     let script = "import sqlite3, sys\nfor name, sign in ('z.db3', '<='), ('a.db3', '>'):\n \
                   db = sqlite3.connect(sys.argv[1] + '/' + name)\n db.executescript(f'ATTACH \

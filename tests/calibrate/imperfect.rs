@@ -64,7 +64,8 @@ fn a_file_with_a_key_that_is_not_one_is_refused_in_one_sentence() {
     }
 }
 
-/// What `calibrate` says beside the result of a minute's recording of a robot with these imperfections.
+/// Returns the remarks of `calibrate` beside the result of a minute's recording of a robot with
+/// these imperfections.
 fn told(imperfections: &str) -> String {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("recorded.mcap");
@@ -79,7 +80,7 @@ fn told(imperfections: &str) -> String {
     String::from_utf8(output.stderr).unwrap()
 }
 
-/// The number that follows a phrase.
+/// Returns the number that follows a phrase.
 fn number_after(said: &str, phrase: &str) -> f64 {
     let (_, rest) = said.split_once(phrase).unwrap();
     rest.split(' ').next().unwrap().parse().unwrap()

@@ -15,7 +15,7 @@ use super::{assert_near, assert_refused, calibrate};
 
 /// Edge of a cell, m.
 const RESOLUTION_M: f64 = 0.05;
-/// The lower left corner of the map in the world, m.
+/// Lower left corner of the map in the world, m.
 const CORNER: Point = Point {
     x_m: -30.525,
     y_m: -30.525,
@@ -33,7 +33,8 @@ fn cell_of(point: Point) -> usize {
     (CELLS - 1 - row) * CELLS + column
 }
 
-/// Writes the world as a map: what can be reached from `start` is free. Gives the description.
+/// Writes the world as a map: cells that can be reached from `start` are free. Returns the path of
+/// the description.
 fn saved(world: &World, start: Point, folder: &Path) -> PathBuf {
     let mut image = vec![UNKNOWN; CELLS * CELLS];
     for segment in world.segments() {
@@ -72,7 +73,7 @@ fn saved(world: &World, start: Point, folder: &Path) -> PathBuf {
     description
 }
 
-/// The LiDAR's true poses in the world, with their stamps in seconds.
+/// Returns the LiDAR's true poses in the world, with their stamps in seconds.
 fn true_poses(path: &Path, truth: &RecordedTruth) -> Vec<(f64, Pose2)> {
     let values = &truth.parameters;
     let mount = Pose2::new(values.lidar_x_m, values.lidar_y_m, values.lidar_yaw_rad);
@@ -89,7 +90,7 @@ fn true_poses(path: &Path, truth: &RecordedTruth) -> Vec<(f64, Pose2)> {
     poses.collect()
 }
 
-/// `odometry` in the map: its summary, and its poses with their stamps.
+/// Runs `odometry` in the map; returns its summary, and its poses with their stamps.
 fn localised(path: &Path, map: &Path, start: &str) -> (serde_json::Value, Vec<(f64, Pose2)>) {
     let tum = path.with_extension("tum");
     let [path, map, out] = [path, map, &tum].map(|path| path.to_str().unwrap());
@@ -105,7 +106,7 @@ fn localised(path: &Path, map: &Path, start: &str) -> (serde_json::Value, Vec<(f
     (summary, poses.collect())
 }
 
-/// The largest distance from the truth at the nearest stamp, m.
+/// Returns the largest distance from the truth at the nearest stamp, m.
 fn farthest_off_m(poses: &[(f64, Pose2)], truth: &[(f64, Pose2)]) -> f64 {
     let off_m = poses.iter().map(|(stamp_s, pose)| {
         let after = truth.partition_point(|(at_s, _)| at_s < stamp_s);

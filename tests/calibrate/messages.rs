@@ -16,7 +16,7 @@ fn recorded(folder: &TempDir, duration_s: f64) -> PathBuf {
     path
 }
 
-/// The report without what depends on the machine.
+/// Returns the report without its machine-dependent part.
 fn calibrated(recording: &Path, more: &[&str]) -> Value {
     let recording = recording.to_str().unwrap();
     let fixed = ["calibrate", recording, "--wheelbase", "1.2", "--json"];

@@ -16,19 +16,20 @@ use crate::process::Process;
 
 const INSTANCES: [&str; 2] = ["a", "b"];
 const ROBOTS: usize = 4;
-/// The load balancer checks every second and removes an instance after two failed checks.
+/// Time within which the load balancer, which checks every second, removes an instance after two
+/// failed checks.
 const CHECKED_WITHIN: Duration = Duration::from_secs(6);
 
-/// The load balancer of one machine.
+/// Load balancer of one machine.
 struct Balancer {
-    /// Where people come to.
+    /// Address for people.
     people: SocketAddr,
-    /// Where other machines come to, with TLS.
+    /// Address for other machines, with TLS.
     own: SocketAddr,
 }
 
-/// The example, with this machine's addresses and files in place of the three machines'. What is replaced
-/// has to be there. People come without TLS here.
+/// Makes the configuration from the example, with this machine's addresses and files in place of
+/// the three machines'. Every replaced text has to be there. People come without TLS here.
 fn configuration(name: &str, http: SocketAddr, all: &[Balancer], own: usize, pki: &Path) -> String {
     let example = Path::new(env!("CARGO_MANIFEST_DIR"));
     let example = example.join("../examples/deploy/cluster/haproxy.cfg");
@@ -72,7 +73,7 @@ fn configuration(name: &str, http: SocketAddr, all: &[Balancer], own: usize, pki
     text
 }
 
-/// Certificate and key in one file, as the load balancer expects them.
+/// Writes certificate and key into one file, as the load balancer expects them.
 fn certificate(authority: &Authority, name: &str, into: &Path) {
     authority.sign(name);
     let parts = [format!("{name}.pem"), format!("{name}.key.pem")];
@@ -89,26 +90,26 @@ fn start(program: &Path, config: &str, file: &Path) -> Process {
     )
 }
 
-/// Asks at every address for people, twenty times each: all answer with 200.
+/// Sends requests to every address for people, twenty times each: all answer with 200.
 fn all_answer(all: &[Balancer], path: &str, token: &str) {
     for at in all.iter().cycle().take(20 * all.len()) {
         assert_eq!(status(at.people, path, token), Some(200), "{}", at.people);
     }
 }
 
-/// The status of `GET path` at an address with a token.
+/// Returns the status of `GET path` at an address with a token.
 fn status(at: SocketAddr, path: &str, token: &str) -> Option<u16> {
     http::get(at, path, Some(token)).map(|answer| answer.status)
 }
 
-/// Waits until an instance gives what another one alone knows.
+/// Waits until an instance returns an answer that another one alone has.
 fn wait_until_forwarded(asked: &Instance, path: &str) {
     wait_for("another instance's answer", || {
         (status(asked.http, path, asked.token()) == Some(200)).then_some(())
     });
 }
 
-/// A driving robot of an instance, as it is shown there.
+/// Returns a driving robot of an instance, as shown there.
 fn robot_of(instance: &Instance) -> String {
     wait_for("a robot of the instance", || {
         let list = instance.try_get("/api/v1/robots?limit=100")?;
@@ -174,7 +175,8 @@ async fn requests_pass_haproxy_and_instances_ask_each_other_over_tls() {
     );
 }
 
-/// The load balancer of b shows the certificate of another authority: a hands no credential on.
+/// Checks a load balancer of b with the certificate of another authority: a sends it no
+/// credentials.
 fn a_certificate_of_another_authority_is_refused(
     program: &Path,
     cluster: &Cluster,

@@ -11,17 +11,18 @@ use fleetcal_tests::service::now;
 use crate::cluster::{Cluster, Instance, Parts};
 use crate::watch::Watch;
 
-/// Robots that drive.
+/// Driving robots.
 const DRIVING: usize = 60;
-/// All robots have an instance, and each its even share, so long after a start, a joining or an end.
+/// Time after a start, a joining or an end within which all robots have an instance, each with its
+/// even share.
 const CLAIMED_WITHIN: Duration = Duration::from_secs(30);
-/// A wait gives up: that something takes longer than it may is told before.
+/// Limit at which a wait gives up: longer times than allowed are reported before.
 const WAIT_MAX: Duration = Duration::from_mins(3);
 const LOOK_EVERY: Duration = Duration::from_millis(200);
-/// At most this share of what an instance has then moves to it when it joins.
+/// Most robots that may move to a joining instance, as a multiple of its even share.
 const MOVED_SHARE_MAX: f64 = 1.2;
 
-/// Looks until it is there; gives how long that took since.
+/// Waits for a condition; returns the time that passed since.
 fn after(since: Instant, what: &str, is_there: impl Fn() -> Option<bool>) -> Duration {
     let began = now();
     while is_there() != Some(true) {
@@ -34,7 +35,8 @@ fn after(since: Instant, what: &str, is_there: impl Fn() -> Option<bool>) -> Dur
     since.elapsed()
 }
 
-/// Waits until so many instances share all robots evenly; gives how long that took since.
+/// Waits until this number of instances share all robots evenly; returns the time that passed
+/// since.
 fn shared(seen_by: &Instance, instances: usize, robots: usize, since: Instant) -> Duration {
     after(since, "even shares", || {
         let mut shares = seen_by.shares()?;
@@ -46,14 +48,14 @@ fn shared(seen_by: &Instance, instances: usize, robots: usize, since: Instant) -
     })
 }
 
-/// Waits until the estimates of all robots that drive come; gives how long that took since.
+/// Waits for the estimates of all driving robots; returns the time that passed since.
 fn estimated(watch: &Watch, since: Instant) -> Duration {
     after(since, "estimates of all", || {
         Some(watch.owners(since).len() == DRIVING)
     })
 }
 
-/// Which instance has which robot, by the database.
+/// Returns the instance of each robot, by the database.
 fn owners(cluster: &Cluster) -> BTreeMap<String, String> {
     let told = psql(
         &cluster.database().parse().unwrap(),

@@ -4,105 +4,105 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-/// How a decision ended for the one who asked.
+/// Outcome of a decision for its caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// An instance said that it is taken.
+    /// An instance acknowledged it.
     Acknowledged,
-    /// An instance said that it is not.
+    /// An instance refused it.
     Refused,
-    /// Nobody said: it may have been taken.
+    /// The caller got no answer: it may have been taken.
     Unknown,
 }
 
-/// A decision, as the one who asked for it knows it.
+/// A decision, as its caller knows it.
 #[derive(Debug, Clone)]
 pub struct Decision {
-    /// Its reason, which no other decision has.
+    /// Its reason, which is unique.
     pub reason: String,
-    /// How it ended.
+    /// Its outcome.
     pub outcome: Outcome,
 }
 
 /// A row of the audit.
 #[derive(Debug, Clone)]
 pub struct Audited {
-    /// Its number; they have no gaps.
+    /// Its number; the numbers have no gaps.
     pub id: i64,
-    /// What was done.
+    /// The action.
     pub action: String,
-    /// To what, by kind and number.
+    /// The subject, by kind and number.
     pub subject: String,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 
-/// A change of who has a robot, in the order in which the database committed it.
+/// A change of a robot's owner, in the order of the database's commits.
 #[derive(Debug, Clone)]
 pub struct Owned {
-    /// Which robot.
+    /// The robot.
     pub robot: String,
-    /// Which instance has it from then on; `None` when nobody has.
+    /// Owner from then on; `None` without any.
     pub owner: Option<String>,
-    /// The epoch of the latest tenure.
+    /// Epoch of the latest tenure.
     pub epoch: i64,
-    /// When it was committed, µs.
+    /// Time of its commit, µs.
     pub committed_us: i64,
 }
 
 /// A row of telemetry that an instance has written.
 #[derive(Debug, Clone)]
 pub struct Written {
-    /// Of which robot.
+    /// The robot.
     pub robot: String,
-    /// In which table.
+    /// The table.
     pub table: String,
-    /// By which instance.
+    /// The instance.
     pub by: String,
-    /// When it was committed, µs.
+    /// Time of its commit, µs.
     pub committed_us: i64,
 }
 
-/// An estimate that came on Zenoh.
+/// An estimate received on Zenoh.
 #[derive(Debug, Clone)]
 pub struct Estimated {
-    /// Of which robot.
+    /// The robot.
     pub robot: String,
-    /// By which instance.
+    /// The instance.
     pub by: String,
-    /// In which epoch.
+    /// The epoch.
     pub epoch: i64,
 }
 
-/// A document of an approved calibration that came on Zenoh.
+/// A document of an approved calibration received on Zenoh.
 #[derive(Debug, Clone)]
 pub struct Offered {
-    /// For which robot.
+    /// The robot.
     pub robot: String,
-    /// Which of its generations.
+    /// Its generation.
     pub generation: u64,
-    /// The hash of what was sent.
+    /// Hash of the sent document.
     pub sha256: String,
 }
 
-/// All that was seen, each in its order.
+/// All evidence, each kind in its order.
 #[derive(Debug, Clone, Default)]
 pub struct Evidence {
-    /// What was decided.
+    /// Decisions.
     pub decisions: Vec<Decision>,
     /// The audit, by number.
     pub audit: Vec<Audited>,
-    /// Who had which robot, as committed.
+    /// Owners of the robots, as committed.
     pub owners: Vec<Owned>,
-    /// What was written.
+    /// Written rows.
     pub written: Vec<Written>,
-    /// What came, in the order of its arrival.
+    /// Estimates in the order of their arrival.
     pub estimates: Vec<Estimated>,
-    /// What came, in the order of its arrival.
+    /// Documents in the order of their arrival.
     pub documents: Vec<Offered>,
 }
 
-/// What must not be.
+/// Violation of an invariant.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Violation {
     /// An acknowledged decision is not in the audit.
@@ -111,11 +111,11 @@ pub enum Violation {
     Repeated { reason: String, times: usize },
     /// A refused decision is in the audit.
     TakenThoughRefused { reason: String },
-    /// Two decided the same thing.
+    /// Two decisions were made on the same subject.
     DecidedTwice { subject: String },
     /// A number of the audit is missing.
     AuditGap { before: i64 },
-    /// The epoch of a robot did not go up with its owner.
+    /// The epoch of a robot did not grow with its owner.
     EpochNotRaised { robot: String, epoch: i64 },
     /// A row came from an instance that did not have the robot when it was committed.
     StaleRow {
@@ -131,7 +131,7 @@ pub enum Violation {
         epoch: i64,
         count: usize,
     },
-    /// Two instances gave estimates in one epoch.
+    /// Two instances published estimates in one epoch.
     EpochShared { robot: String, epoch: i64 },
     /// A document came after a later one.
     StaleDocument { robot: String, generation: u64 },
@@ -145,11 +145,11 @@ impl fmt::Display for Violation {
     }
 }
 
-/// Estimates of an ended tenure that may come after one of the next: one that was on its way.
+/// Most estimates of an ended tenure that may come after one of the next: one that was in flight.
 const LATE_ESTIMATES_MAX: usize = 1;
 
 impl Evidence {
-    /// What is wrong with it.
+    /// Returns its violations.
     pub fn violations(&self) -> Vec<Violation> {
         let mut found = self.of_decisions();
         found.extend(self.of_owners());
@@ -159,7 +159,8 @@ impl Evidence {
         found
     }
 
-    /// Estimates that came after one of a later tenure of the same robot, by robot and epoch.
+    /// Counts the estimates that came after one of a later tenure of the same robot, by robot and
+    /// epoch.
     pub fn stale_estimates(&self) -> BTreeMap<(String, i64, String), usize> {
         let mut highest: BTreeMap<&str, i64> = BTreeMap::new();
         let mut stale = BTreeMap::new();
@@ -221,7 +222,7 @@ impl Evidence {
         found
     }
 
-    /// Who had each robot at the moment in which a row of it was committed.
+    /// Compares each row with the robot's owner at the moment of its commit.
     fn of_rows(&self) -> Vec<Violation> {
         let mut of: BTreeMap<&str, Vec<&Owned>> = BTreeMap::new();
         for change in &self.owners {

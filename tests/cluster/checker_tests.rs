@@ -52,7 +52,7 @@ fn decision(reason: &str, outcome: Outcome) -> Decision {
     }
 }
 
-/// A takeover as it should be: one decision after another, one late estimate.
+/// Makes a takeover without violations: one decision after another, one late estimate.
 fn in_order() -> Evidence {
     Evidence {
         decisions: vec![
@@ -80,7 +80,7 @@ fn in_order() -> Evidence {
     }
 }
 
-/// What is found after a change of what is in order.
+/// Returns the violations after a change of correct evidence.
 fn found(change: impl FnOnce(&mut Evidence)) -> Vec<Violation> {
     let mut evidence = in_order();
     change(&mut evidence);

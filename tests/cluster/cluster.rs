@@ -33,26 +33,26 @@ pub struct Instance {
     pub process: Process,
     /// Its name.
     pub name: &'static str,
-    /// Where its API is.
+    /// Address of its API.
     pub http: SocketAddr,
     token: String,
 }
 
 impl Instance {
-    /// What it lets an administrator in with.
+    /// Returns the token by which it admits an administrator.
     pub fn token(&self) -> &str {
         &self.token
     }
 
-    /// The answer of `GET path` with a token of an administrator; `None` when nobody answers, or
-    /// not with 200.
+    /// Returns the answer of `GET path` with a token of an administrator; `None` without an answer,
+    /// or without 200.
     pub fn try_get(&self, path: &str) -> Option<Value> {
         let answer = http::get(self.http, path, Some(&self.token));
         let answer = answer.filter(|answer| answer.status == 200)?;
         serde_json::from_str(&answer.body).ok()
     }
 
-    /// The same of what is there.
+    /// Returns the answer of `GET path`, which has to exist.
     pub fn get(&self, path: &str) -> Value {
         let answer = http::get(self.http, path, Some(&self.token)).unwrap();
         let (status, body) = (answer.status, answer.body);
@@ -60,7 +60,7 @@ impl Instance {
         serde_json::from_str(&body).unwrap()
     }
 
-    /// How many robots each instance has, as this one sees it.
+    /// Returns the number of robots of each instance, in the view of this one.
     pub fn shares(&self) -> Option<BTreeMap<String, u64>> {
         let cluster = self.try_get("/api/v1/cluster")?;
         let instances = cluster["instances"].as_array()?;
@@ -69,20 +69,20 @@ impl Instance {
     }
 }
 
-/// What a cluster is made of.
+/// Parts of a cluster.
 #[derive(Debug, Clone)]
 pub struct Parts {
-    /// The instances that there may be.
+    /// Possible instances.
     pub names: Vec<&'static str>,
-    /// Robots that drive.
+    /// Driving robots.
     pub robots: usize,
-    /// Registered robots that do not.
+    /// Registered robots that do not drive.
     pub parked: usize,
-    /// Whether robots that drive apply and prove their approved calibration.
+    /// True if driving robots apply and verify their approved calibration.
     pub robots_apply: bool,
-    /// As in `[cluster]`.
+    /// Setting of `[cluster]`.
     pub fast_takeover: bool,
-    /// Each instance has a network namespace of its own, else they share the loopback.
+    /// True if each instance has a network namespace of its own, else they share the loopback.
     pub in_namespaces: bool,
 }
 
@@ -90,22 +90,22 @@ pub struct Parts {
 #[derive(Debug)]
 pub struct Cluster {
     folder: TempDir,
-    /// The PostgreSQL that is this cluster's own; the named one without.
+    /// The cluster's own PostgreSQL; without it the named one.
     pub server: Option<OwnServer>,
-    /// The servers under Patroni instead.
+    /// Servers under Patroni instead.
     pub patroni: Option<Patroni>,
     database: String,
-    /// What is started as an instance.
+    /// Program that is started as an instance.
     pub program: PathBuf,
     lines: BTreeMap<&'static str, Lines>,
-    /// Where its routers listen.
+    /// Endpoints of its routers.
     pub routers: Vec<String>,
     router_processes: Vec<Process>,
-    /// What each router reaches the other one by, where that can be cut.
+    /// Proxies between the routers, if that link can be cut.
     between_routers: Vec<Proxy>,
-    /// Outlives the processes in it.
+    /// Namespaces, which outlive the processes in them.
     namespaces: Option<Namespaces>,
-    /// The lines of `[cluster]` that name the peers.
+    /// Lines of `[cluster]` that name the peers.
     pub peers: String,
     config: String,
     addresses: BTreeMap<&'static str, SocketAddr>,
@@ -114,7 +114,8 @@ pub struct Cluster {
 }
 
 impl Cluster {
-    /// A database and two routers; nobody serves yet. `names` are the instances that there may be.
+    /// Makes a database and two routers, without running instances. `names` are the possible
+    /// instances.
     pub async fn new(names: &[&'static str], robots: usize) -> Self {
         Self::of(&Parts {
             names: names.to_vec(),
@@ -127,15 +128,15 @@ impl Cluster {
         .await
     }
 
-    /// The same of these parts.
+    /// Makes a cluster of these parts.
     pub async fn of(parts: &Parts) -> Self {
         let server = server().expect("FLEETCAL_TEST_POSTGRES names a server: make cluster-smoke");
         let database = fleetcal_postgres::create_for_test(&server).await.unwrap();
         Self::on(&database, parts, None)
     }
 
-    /// The same on a server of its own that notes who writes what, with a line between each instance
-    /// and the others that can be cut.
+    /// Makes a cluster on a server of its own that records the writes, with a line between each
+    /// instance and the others that can be cut.
     pub async fn watched(parts: &Parts) -> Self {
         let namespaces = parts.in_namespaces.then(|| Namespaces::new(&parts.names));
         let address = namespaces.as_ref();
@@ -164,7 +165,7 @@ impl Cluster {
         cluster
     }
 
-    /// The same on servers under Patroni, without proxies.
+    /// Makes a cluster on servers under Patroni, without proxies.
     pub fn under_patroni(patroni: Patroni, parts: &Parts) -> Self {
         let mut cluster = Self::on(&patroni.url(), parts, None);
         let migrated = binary::run(["store", "migrate", "--database", &cluster.database]);
@@ -236,7 +237,7 @@ impl Cluster {
         Process::start(Command::new(beside).arg(own).args(others), log)
     }
 
-    /// A Zenoh configuration of a client of the first of these routers that answers.
+    /// Writes a Zenoh configuration of a client of the first of these routers that answers.
     fn client(&self, name: &str, routers: &[String]) -> PathBuf {
         let path = self.folder.path().join(format!("{name}.json5"));
         let config = json!({
@@ -248,7 +249,8 @@ impl Cluster {
         path
     }
 
-    /// The routers of an instance: both, its own first, unless it has a line that can be cut.
+    /// Returns the routers of an instance: both, its own first, unless it has a line that can be
+    /// cut.
     fn routers_of(&self, name: &str, router: usize) -> Vec<String> {
         if let Some(lines) = self.lines.get(name) {
             return vec![format!("tcp/{}", lines.router.address())];
@@ -290,7 +292,7 @@ impl Cluster {
             .collect()
     }
 
-    /// The database as an instance reaches it: by its own line and in its own role.
+    /// Returns the URL of the database for an instance: by its own line and in its own role.
     fn database_of(&self, name: &str) -> String {
         match (&self.patroni, self.lines.get(name)) {
             (Some(patroni), _) => patroni.url_for(name).to_string(),
@@ -303,18 +305,18 @@ impl Cluster {
         }
     }
 
-    /// The server that has the records now.
+    /// Returns the server that has the records now.
     pub fn records(&self) -> PostgresUrl {
         let patroni = self.patroni.as_ref();
         patroni.map_or_else(|| self.database.parse().unwrap(), Patroni::primary_url)
     }
 
-    /// What lies between an instance and the others.
+    /// Returns the lines between an instance and the others.
     pub fn lines(&self, name: &str) -> &Lines {
         &self.lines[name]
     }
 
-    /// Where an instance's API is.
+    /// Returns the address of an instance's API.
     pub fn http(&self, name: &str) -> SocketAddr {
         self.addresses[name]
     }
@@ -328,7 +330,7 @@ impl Cluster {
         Process::start(&mut command, self.folder.path().join(format!("{name}.log")))
     }
 
-    /// `fleetcal serve` with a Zenoh configuration and data of its own.
+    /// Makes the command `fleetcal serve` with a Zenoh configuration and data of its own.
     fn serve(&self, name: &str, zenoh: &Path) -> Command {
         let folder = self.folder.path().join(name);
         fs::create_dir_all(&folder).unwrap();
@@ -353,8 +355,8 @@ impl Cluster {
         command
     }
 
-    /// Starts a service at the first router with a database of its own and further settings of Zenoh,
-    /// and waits until it is ready; gives where its API is and its folder too.
+    /// Starts a service at the first router with a database of its own and further settings of
+    /// Zenoh, and waits until it is ready; returns it with the address of its API and its folder.
     pub fn start_beside(
         &self,
         name: &str,
@@ -402,7 +404,7 @@ impl Cluster {
         self.token_of(&format!("{name}-{}", free_port().port()))
     }
 
-    /// A token of an administrator of this name.
+    /// Makes a token of an administrator of this name.
     pub fn token_of(&self, name: &str) -> String {
         token_in(&["--database", &self.database], name)
     }
@@ -420,7 +422,7 @@ impl Cluster {
         Process::start(&mut command, self.folder.path().join("robots.log"))
     }
 
-    /// The public key of the service, from any instance that runs.
+    /// Returns the public key of the service, from any running instance.
     fn service_key(&self) -> String {
         let mut all = self.addresses.values();
         let answer = all.find_map(|http| http::get(*http, "/api/v1/signing-key", None));
@@ -428,18 +430,18 @@ impl Cluster {
         key["public_key"].as_str().unwrap().to_owned()
     }
 
-    /// A folder for what a test writes.
+    /// Returns a folder for the files of a test.
     pub fn folder(&self) -> &Path {
         self.folder.path()
     }
 
-    /// Where the records are.
+    /// Returns the URL of the database.
     pub fn database(&self) -> &str {
         &self.database
     }
 }
 
-/// Peers reached at their own APIs, without TLS.
+/// Writes the configuration of peers at their own APIs, without TLS.
 fn plaintext_peers(addresses: &BTreeMap<&str, SocketAddr>) -> String {
     let peers = addresses
         .iter()
@@ -449,7 +451,8 @@ fn plaintext_peers(addresses: &BTreeMap<&str, SocketAddr>) -> String {
     format!("plaintext_peers = true\npeers = {{ {peers} }}\n")
 }
 
-/// The configuration of every instance of a cluster with these parts, from the rest of `[cluster]` on.
+/// Writes the configuration of every instance of a cluster with these parts, from the rest of
+/// `[cluster]` on.
 fn config(parts: &Parts, folder: &Path) -> String {
     let key = folder.join("signing.key");
     let entry = |one: &SimulatedRobot| {
@@ -470,7 +473,7 @@ fn config(parts: &Parts, folder: &Path) -> String {
     )
 }
 
-/// A token of an administrator of this name where the records are.
+/// Makes a token of an administrator of this name in a database.
 pub fn token_in(place: &[&str], name: &str) -> String {
     let made = Command::new(binary::path())
         .args(["token", "create"])
@@ -486,8 +489,8 @@ pub fn token_in(place: &[&str], name: &str) -> String {
         .to_owned()
 }
 
-/// A loopback address that nobody listens on and that stays free while its instance is away: no
-/// connection is given a port below those that the system takes by itself.
+/// Returns an unused loopback address that stays free while its instance is away: the system never
+/// assigns ports this low by itself.
 pub fn kept_port() -> SocketAddr {
     static NEXT: AtomicU16 = AtomicU16::new(0);
     let first = 16_000 + (std::process::id() % 800) as u16 * 16;

@@ -9,12 +9,12 @@ use crate::cluster::Cluster;
 use crate::process::Process;
 use crate::watch::Watch;
 
-/// What a robot may cost more, ms of CPU a second.
+/// Largest additional cost of a robot, ms of CPU a second.
 const MORE_MS_MAX: f64 = 0.5;
-/// Robots drive for so long before it counts.
+/// Time that robots drive before the measurement.
 const WARM_UP: Duration = Duration::from_secs(20);
 
-/// CPU of processes a second and robot, ms, while somebody listens to all estimates.
+/// Measures the CPU of processes for each second and robot, ms, with a subscriber to all estimates.
 async fn measured(cluster: &Cluster, processes: &[&Process], robots: usize, seconds: usize) -> f64 {
     let _robots = cluster.drive();
     let watch = Watch::start(&cluster.routers).await;

@@ -14,23 +14,23 @@ use serde_json::{Value, json};
 
 use crate::checker::{Decision, Outcome};
 
-/// How often a decision that nobody answered is asked for once more.
+/// Most repetitions of an unanswered decision.
 const TRIES_MAX: u32 = 8;
-/// The pause before that.
+/// Pause before a repetition.
 const AGAIN_AFTER: Duration = Duration::from_millis(200);
 
-/// Where and as whom one decides.
+/// Addresses and identities for decisions.
 #[derive(Debug, Clone)]
 pub struct Desk {
-    /// Where the instances' APIs are.
+    /// Addresses of the instances' APIs.
     pub instances: Vec<SocketAddr>,
-    /// Who proposes and takes back.
+    /// Token of the person who proposes and withdraws.
     pub proposer: String,
-    /// Who approves.
+    /// Token of the approver.
     pub approver: String,
 }
 
-/// A proposal that waits.
+/// A waiting proposal.
 #[derive(Debug, Clone)]
 pub struct Waiting {
     id: u64,
@@ -38,12 +38,12 @@ pub struct Waiting {
     sha256: String,
 }
 
-/// The values that are proposed.
+/// Returns the proposed values.
 fn values() -> Value {
     json!({"steering_offset_rad": 0.02, "lidar_x_m": 0.43, "lidar_y_m": 0.01, "lidar_yaw_rad": 0.01})
 }
 
-/// What an answer says of a decision. One that the database may have taken is 503.
+/// Returns the outcome of a decision by its answer. One that the database may have taken is 503.
 fn outcome(answer: Option<&Answer>) -> Outcome {
     match answer.map(|answer| answer.status) {
         Some(200..300) => Outcome::Acknowledged,
@@ -63,7 +63,7 @@ impl Desk {
         http::send(at, "POST /api/v1/proposals", Some(&self.proposer), content)
     }
 
-    /// Approves a proposal at an instance, as somebody.
+    /// Approves a proposal at an instance, with a token.
     pub fn approve(at: SocketAddr, token: &str, one: &Waiting, reason: &str) -> Option<Answer> {
         let request = format!("POST /api/v1/proposals/{}/approve", one.id);
         let body = json!({"sha256": one.sha256, "reason": reason}).to_string();
@@ -71,7 +71,7 @@ impl Desk {
         http::send(at, &request, Some(token), Some((&version, &body)))
     }
 
-    /// Takes back what is under way.
+    /// Withdraws the calibration in progress.
     pub fn roll_back(&self, at: SocketAddr, robot: &str, reason: &str) -> Option<Answer> {
         let token = Some(self.proposer.as_str());
         let shadow = http::get(at, &format!("/api/v1/robots/{robot}/shadow"), token)?;
@@ -82,12 +82,12 @@ impl Desk {
         http::send(at, &request, token, Some((&version, &body)))
     }
 
-    /// The proposal that an answer shows.
+    /// Returns the proposal in an answer.
     pub fn proposed(answer: &Answer) -> Option<Waiting> {
         Self::waiting(&serde_json::from_str(&answer.body).ok()?)
     }
 
-    /// A proposal as the API shows it.
+    /// Reads a proposal from its form in the API.
     pub fn waiting(proposal: &Value) -> Option<Waiting> {
         Some(Waiting {
             id: proposal["id"].as_u64()?,
@@ -97,7 +97,7 @@ impl Desk {
     }
 }
 
-/// What was decided so far, and when it was acknowledged.
+/// Decisions so far, with the times of their acknowledgement.
 #[derive(Debug, Default)]
 struct Log {
     decisions: Vec<Decision>,
@@ -105,7 +105,7 @@ struct Log {
     refusals: Vec<String>,
 }
 
-/// Threads that decide until this value goes.
+/// Threads that make decisions until this value is dropped.
 #[derive(Debug)]
 pub struct Decider {
     log: Arc<Mutex<Log>>,
@@ -113,8 +113,8 @@ pub struct Decider {
 }
 
 impl Decider {
-    /// Begins to decide at each desk about a parked robot of its own, one decision after another with
-    /// this pause.
+    /// Begins to make decisions at each desk about a parked robot of its own, one after another
+    /// with this pause.
     pub fn start(desks: Vec<Desk>, seed: u64, pause: Duration) -> Self {
         let (log, stop) = (Arc::<Mutex<Log>>::default(), Arc::<AtomicBool>::default());
         for (robot, desk) in (1_u64..).zip(desks) {
@@ -136,23 +136,23 @@ impl Decider {
         Self { log, stop }
     }
 
-    /// What was decided so far.
+    /// Returns the decisions so far.
     pub fn decisions(&self) -> Vec<Decision> {
         self.log.lock().unwrap().decisions.clone()
     }
 
-    /// How many decisions were acknowledged so far.
+    /// Returns the number of acknowledged decisions so far.
     pub fn acknowledged(&self) -> usize {
         self.log.lock().unwrap().acknowledged_at.len()
     }
 
-    /// The first acknowledgement since then.
+    /// Returns the first acknowledgement since then.
     pub fn acknowledged_since(&self, then: Instant) -> Option<Instant> {
         let log = self.log.lock().unwrap();
         log.acknowledged_at.iter().copied().find(|at| *at >= then)
     }
 
-    /// The longest time since then without an acknowledgement.
+    /// Returns the longest time since then without an acknowledgement.
     pub fn longest_pause(&self, then: Instant) -> Duration {
         let log = self.log.lock().unwrap();
         let since = log.acknowledged_at.iter().filter(|at| **at >= then);
@@ -169,7 +169,7 @@ impl Decider {
             .unwrap_or_default()
     }
 
-    /// Why decisions were refused, the latest ones.
+    /// Returns the latest reasons for which decisions were refused.
     pub fn refusals(&self) -> Vec<String> {
         let log = self.log.lock().unwrap();
         let latest = log.refusals.len().saturating_sub(5);
@@ -194,7 +194,7 @@ struct Work {
 }
 
 impl Work {
-    /// A proposal, its approval, and the way back, each at any instance.
+    /// Makes a proposal, approves it, and withdraws it, each at any instance.
     fn decide_about(&mut self, robot: &str, pause: Duration) {
         std::thread::sleep(pause);
         let asked = |work: &Self, at, reason: &str| work.desk.propose(at, robot, reason);
@@ -215,8 +215,8 @@ impl Work {
         self.decide("roll back", false, asked);
     }
 
-    /// Asks until somebody answers, if that is harmless; notes how it ended, and gives the answer of
-    /// what was taken.
+    /// Repeats a request until it is answered, if that is harmless; records its outcome, and
+    /// returns the answer if the decision was taken.
     fn decide(
         &mut self,
         what: &str,

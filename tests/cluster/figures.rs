@@ -1,8 +1,8 @@
 //! Figures of a number of rounds: quantiles, and the bound on an event that was not seen.
 
-/// The exact upper bound, with 95 % confidence, of the probability of something that was seen in
-/// `seen` of `rounds` independent rounds (Clopper and Pearson 1934, one-sided). With none seen it is
-/// `1 - 0.05^(1/n)`, about `3/n`.
+/// Returns the exact upper bound, with 95 % confidence, of the probability of an event that was
+/// observed in `seen` of `rounds` independent rounds (Clopper and Pearson 1934, one-sided). Without
+/// any it is `1 - 0.05^(1/n)`, about `3/n`.
 pub fn bound_95(seen: u64, rounds: u64) -> f64 {
     if seen >= rounds {
         return 1.0;
@@ -20,7 +20,7 @@ pub fn bound_95(seen: u64, rounds: u64) -> f64 {
     high
 }
 
-/// Probability of `seen` or fewer of `rounds`, each of probability `p`.
+/// Returns the probability of `seen` or fewer of `rounds`, each of probability `p`.
 fn at_most(seen: u64, rounds: u64, p: f64) -> f64 {
     let mut logarithm = rounds as f64 * (1.0 - p).ln();
     let mut sum = logarithm.exp();
@@ -31,13 +31,14 @@ fn at_most(seen: u64, rounds: u64, p: f64) -> f64 {
     sum
 }
 
-/// A count of what should not happen, as a report shows it.
+/// Formats a count of undesired events for a report.
 pub fn told(seen: u64, rounds: u64) -> String {
     let bound = bound_95(seen, rounds) * 100.0;
     format!("{seen} of {rounds} (95 %: at most {bound:.2} %)")
 }
 
-/// The value that a share `q` of the values does not exceed (nearest rank); 0 of none.
+/// Returns the value that a share `q` of the values does not exceed (nearest rank); 0 without
+/// values.
 pub fn quantile(values: &[f64], q: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -46,7 +47,7 @@ pub fn quantile(values: &[f64], q: f64) -> f64 {
     sorted.get(at).copied().unwrap_or_default()
 }
 
-/// Median, 99th percentile and maximum, s.
+/// Formats median, 99th percentile and maximum, s.
 pub fn spread(values: &[f64]) -> String {
     let [median, p99, max] = [0.5, 0.99, 1.0].map(|q| quantile(values, q));
     let count = values.len();
@@ -57,7 +58,8 @@ pub fn spread(values: &[f64]) -> String {
 mod tests {
     use super::*;
 
-    /// Tables of the Clopper–Pearson interval: 0 of 100 is at most 2.951 %, 1 of 50 at most 9.140 %.
+    /// Compares with tables of the Clopper–Pearson interval: 0 of 100 is at most 2.951 %, 1 of 50
+    /// at most 9.140 %.
     #[test]
     fn the_bound_is_that_of_the_tables() {
         for (seen, rounds, expected) in [(0, 100, 0.029_51), (1, 50, 0.091_40), (0, 1, 0.95)] {

@@ -11,13 +11,13 @@ use crate::cluster::{Cluster, Parts};
 use crate::namespaces;
 use crate::network::Cut;
 
-/// What is promised, less than the six seconds of a lease.
+/// Limit that is promised, less than the six seconds of a lease.
 const HELD_MAX: Duration = Duration::from_secs(5);
-/// Nobody was held up for less than this: the locks were free already.
+/// Wait below which the locks had been free already.
 const HELD_MIN: Duration = Duration::from_secs(1);
 
-/// How long the lock of an instance's own row is waited for, which every transaction of telemetry holds
-/// and whoever ends its tenures takes.
+/// Measures the wait for the lock of an instance's own row, which every transaction of telemetry
+/// holds and which is taken to end its tenures.
 fn waited_for_its_row(url: &PostgresUrl) -> Duration {
     let began = now();
     psql(
@@ -27,9 +27,9 @@ fn waited_for_its_row(url: &PostgresUrl) -> Duration {
     began.elapsed()
 }
 
-/// The server answers a `COPY` that it is ready for the rows. The answer never arrives, so no time of a
-/// statement and none of an idle transaction runs, and no keepalive is sent while it is on its way: that
-/// leaves `tcp_user_timeout`.
+/// Loses the machine while the server answers a `COPY` that it is ready for the rows. The answer
+/// never arrives, so neither the time limit of a statement nor that of an idle transaction runs,
+/// and no keepalive is sent while it is in flight: that leaves `tcp_user_timeout`.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_machine_that_is_gone_in_the_middle_of_a_statement_lets_its_locks_go() {
     if !namespaces::may_be_made() {

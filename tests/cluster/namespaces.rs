@@ -10,14 +10,15 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use crate::network::Cut;
 
-/// A hardware address that nobody has.
+/// Hardware address without an owner.
 const NOBODY: &str = "02:00:00:00:00:fe";
-/// Where an instance's API is in its namespace.
+/// Port of an instance's API in its namespace.
 const HTTP_PORT: u16 = 8080;
-/// Sets of networks that fit into 198.18.0.0/15, which is set aside for tests of networks (RFC 2544).
+/// Number of sets of networks that fit into 198.18.0.0/15, which is reserved for tests of networks
+/// (RFC 2544).
 const SETS: u8 = 64;
 
-/// What a network is for; its number is a part of its addresses, its letter of its interfaces.
+/// Purpose of a network; its number is a part of its addresses, its letter of its interfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Network {
     /// Instances and database.
@@ -40,10 +41,10 @@ impl Network {
     }
 }
 
-/// The namespaces of a cluster's instances, which end with this value.
+/// Namespaces of a cluster's instances, removed with this value.
 #[derive(Debug)]
 pub struct Namespaces {
-    /// Begins the names of all that is made.
+    /// Prefix of all names.
     name: String,
     set: u8,
     instances: Vec<&'static str>,
@@ -96,7 +97,7 @@ impl Namespaces {
         format!("{}{}", self.name, network.letter())
     }
 
-    /// The namespace of an instance.
+    /// Returns the namespace of an instance.
     fn of(&self, instance: &str) -> String {
         format!("{}{instance}", self.name)
     }
@@ -106,7 +107,7 @@ impl Namespaces {
         IpAddr::from([198, 18, third, host])
     }
 
-    /// Where servers of a network listen, outside of the namespaces.
+    /// Returns the address of a network's servers, outside of the namespaces.
     pub fn own_address(&self, network: Network) -> IpAddr {
         self.at(network, 1)
     }
@@ -116,12 +117,12 @@ impl Namespaces {
         self.at(network, place.unwrap() as u8 + 2)
     }
 
-    /// Where an instance's API is.
+    /// Returns the address of an instance's API.
     pub fn http(&self, instance: &str) -> SocketAddr {
         SocketAddr::new(self.address(Network::Http, instance), HTTP_PORT)
     }
 
-    /// What lies between an instance and a server at a port of a network's own address.
+    /// Returns the line between an instance and a server at a port of a network's own address.
     pub fn wire(&self, network: Network, instance: &str, port: u16) -> Wire {
         Wire {
             namespace: self.of(instance),
@@ -159,7 +160,7 @@ pub struct Wire {
     inside: String,
     outside: String,
     instance: IpAddr,
-    /// Where the server listens.
+    /// Address of the server.
     pub server: SocketAddr,
 }
 
@@ -174,7 +175,7 @@ impl Wire {
         }
     }
 
-    /// Lets packets through again.
+    /// Forwards packets again.
     pub fn heal(&self) {
         // The address is asked for again with the next packet.
         for direction in [self.sent(), self.received()] {
@@ -202,19 +203,19 @@ impl Wire {
     }
 }
 
-/// Says where the packets to an address go from now on.
+/// Redirects the packets to an address.
 fn replace([namespace, address, device]: &[String; 3], entry: &str) {
     ip(&format!(
         "{namespace} neigh replace {address} {entry} dev {device}"
     ));
 }
 
-/// The interface of a network in every namespace.
+/// Returns the interface of a network in every namespace.
 fn device(network: Network) -> String {
     format!("eth{}", network.letter())
 }
 
-/// Whether this process may make namespaces.
+/// True if this process may make namespaces.
 pub fn may_be_made() -> bool {
     let id = Command::new("id").arg("-u").output();
     id.is_ok_and(|id| id.stdout.trim_ascii() == b"0")

@@ -12,31 +12,31 @@ use tokio::time::Instant;
 
 use crate::namespaces::Wire;
 
-/// Pieces of 64 KiB at most that a direction holds while they are on their way.
+/// Most pieces of 64 KiB that a direction holds in flight.
 const ON_THEIR_WAY_MAX: usize = 256;
 
-/// Which bytes do not arrive.
+/// Direction of lost bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cut {
-    /// All of them.
+    /// Both directions.
     Both,
-    /// What the instance sends.
+    /// Bytes from the instance.
     FromInstance,
-    /// What is sent to the instance.
+    /// Bytes to the instance.
     ToInstance,
 }
 
 /// A line between an instance and one server.
 #[derive(Debug, Clone)]
 pub enum Line {
-    /// Through a TCP proxy, which holds bytes back instead of losing packets.
+    /// A TCP proxy, which holds bytes back instead of losing packets.
     Proxy(Proxy),
-    /// Over the virtual Ethernet of the instance's own network namespace, where packets are lost.
+    /// The virtual Ethernet of the instance's own network namespace, where packets are lost.
     Wire(Wire),
 }
 
 impl Line {
-    /// Where the instance connects to, `HOST:PORT`.
+    /// Returns the address that the instance connects to, `HOST:PORT`.
     pub fn address(&self) -> String {
         match self {
             Self::Proxy(proxy) => proxy.address(),
@@ -52,7 +52,7 @@ impl Line {
         }
     }
 
-    /// Lets everything through again.
+    /// Forwards everything again.
     pub fn heal(&self) {
         match self {
             Self::Proxy(proxy) => drop(proxy.cut.send_replace(None)),
@@ -60,7 +60,7 @@ impl Line {
         }
     }
 
-    /// Delivers whatever is sent from now on so much later, in either direction. A wire has no delay.
+    /// Delays all bytes from now on, in either direction. A wire has no delay.
     pub fn delay(&self, delay: Duration) {
         match self {
             Self::Proxy(proxy) => drop(proxy.delay.send_replace(delay)),
@@ -69,16 +69,16 @@ impl Line {
     }
 }
 
-/// What lies between an instance and the others.
+/// Lines between an instance and the others.
 #[derive(Debug)]
 pub struct Lines {
-    /// To the database.
+    /// Line to the database.
     pub database: Line,
-    /// To its router.
+    /// Line to its router.
     pub router: Line,
 }
 
-/// A proxy that runs as long as the runtime that has started it.
+/// Proxy that runs as long as the runtime that has started it.
 #[derive(Debug, Clone)]
 pub struct Proxy {
     address: SocketAddr,
@@ -105,7 +105,7 @@ impl Proxy {
         proxy
     }
 
-    /// Where it listens.
+    /// Returns the address that it listens on.
     pub fn address(&self) -> String {
         self.address.to_string()
     }
@@ -152,7 +152,7 @@ impl Proxy {
     }
 }
 
-/// Writes what arrives when it is due; no bytes at all are the end.
+/// Writes arriving bytes when they are due; an empty piece marks the end.
 async fn deliver(
     mut arrives: mpsc::Receiver<(Instant, Vec<u8>)>,
     mut to: OwnedWriteHalf,

@@ -18,19 +18,20 @@ use tempfile::TempDir;
 use crate::process::Process;
 use crate::processes::{parents, signal};
 
-/// How many standbys stream, and have replayed all but the last megabyte of what the primary wrote.
+/// Query for the number of standbys that stream, and have replayed all but the last megabyte of the
+/// primary's writes.
 const FOLLOWING: &str = "SELECT count(*) FROM pg_stat_replication WHERE state = 'streaming'
     AND pg_wal_lsn_diff(pg_current_wal_lsn(), replay_lsn) < 1000000";
 
-/// The settings that people are told to use.
+/// Recommended settings.
 const EXAMPLE: &str = include_str!("../../examples/deploy/cluster/patroni.yml");
 const NAMES: [&str; 3] = ["n1", "n2", "n3"];
-/// What stands before the settings that all servers share.
+/// Text before the settings that all servers share.
 const PARAMETERS: &str = "      parameters:\n";
-/// The owner of the records.
+/// Owner of the records.
 const OWNER: &str = "fleetcal";
 
-/// A Patroni with the example's `loop_wait` has begun its next cycle within this time.
+/// Time within which a Patroni with the example's `loop_wait` has begun its next cycle.
 const CYCLE: Duration = Duration::from_secs(3);
 
 /// One server and the Patroni that runs it.
@@ -43,7 +44,7 @@ struct Node {
     patroni: Option<Process>,
 }
 
-/// See the module.
+/// Cluster of PostgreSQL servers under Patroni; see the module.
 #[derive(Debug)]
 pub struct Patroni {
     folder: TempDir,
@@ -55,7 +56,8 @@ pub struct Patroni {
 }
 
 impl Patroni {
-    /// A new cluster with a primary and a standby that commits with it. `program` is a `patroni`.
+    /// Starts a cluster with a primary and a standby that commits with it. `program` is a
+    /// `patroni`.
     pub fn start(program: &Path) -> Self {
         let folder = tempfile::tempdir().unwrap();
         own_by_server_user(folder.path());
@@ -86,7 +88,7 @@ impl Patroni {
         patroni
     }
 
-    /// What Patroni and etcd say they are.
+    /// Returns the versions of Patroni and etcd.
     pub fn versions(&self) -> String {
         let said = |program: &Path, argument: &str| {
             let output = Command::new(program).arg(argument).output().unwrap();
@@ -100,7 +102,7 @@ impl Patroni {
         format!("{own}; {etcd}")
     }
 
-    /// The database on all of them, for a role.
+    /// Returns the URL of the database on all of them, for a role.
     pub fn url_for(&self, role: &str) -> PostgresUrl {
         let hosts: Vec<_> = self
             .nodes
@@ -111,17 +113,17 @@ impl Patroni {
         url_of(&hosts, role, "postgres")
     }
 
-    /// The same for the owner.
+    /// Returns the URL of the database on all of them, for the owner.
     pub fn url(&self) -> PostgresUrl {
         self.url_for(OWNER)
     }
 
-    /// The database on the primary of now.
+    /// Returns the URL of the database on the present primary.
     pub fn primary_url(&self) -> PostgresUrl {
         url_of(&[&self.primary().postgres.to_string()], OWNER, "postgres")
     }
 
-    /// The name of the primary of now.
+    /// Returns the name of the present primary.
     pub fn primary_name(&self) -> &'static str {
         self.primary().name
     }
@@ -135,7 +137,8 @@ impl Patroni {
         &self.nodes[found.unwrap()]
     }
 
-    /// Waits until a server other than this one is the primary; gives when that was seen.
+    /// Waits until a server other than this one is the primary; returns the time of that
+    /// observation.
     pub fn next_primary(&self, former: &str) -> Instant {
         wait_for("the next primary", || {
             let mut others = self.nodes.iter().filter(|node| node.name != former);
@@ -143,20 +146,20 @@ impl Patroni {
         })
     }
 
-    /// Waits until some server is the primary; gives when that was seen.
+    /// Waits until some server is the primary; returns the time of that observation.
     pub fn any_primary(&self) -> Instant {
         wait_for("a primary", || {
             self.nodes.iter().any(Node::can_be_written).then(now)
         })
     }
 
-    /// Waits until there is a primary, the others have replayed nearly all that it wrote, and one of
-    /// them commits with it. A server that is being rewound is a replica to Patroni already.
+    /// Waits until there is a primary, the others have replayed nearly all of its writes, and one
+    /// of them commits with it. A server that is being rewound is a replica to Patroni already.
     pub fn wait_until_whole(&self) {
         wait_for("a whole cluster", || self.is_whole().then_some(()));
     }
 
-    /// Whether it is so.
+    /// True if the cluster is whole in this sense.
     pub fn is_whole(&self) -> bool {
         let count = |path: &str| self.nodes.iter().filter(|node| node.is(path)).count();
         if count("/primary") != 1 || count("/replica") != 2 || count("/sync") != 1 {
@@ -195,14 +198,14 @@ impl Patroni {
         signal("STOP", &self.nodes[self.number(name)].processes());
     }
 
-    /// Lets them go on.
+    /// Resumes them.
     pub fn thaw(&self, name: &str) {
         signal("CONT", &self.nodes[self.number(name)].processes());
     }
 
-    /// Stops the primary while its Patroni has read who leads and waits for its server, which it asks
-    /// before it renews its lock, and lets both go on when another server has been the primary for a
-    /// while; gives when that was.
+    /// Stops the primary while its Patroni has read the leader and waits for its server, which it
+    /// queries before it renews its lock, and resumes both when another server has been the primary
+    /// for a while; returns that time.
     pub fn freeze_before_renewal(&self, lasts_on: Duration) -> Instant {
         let former = self.primary_name();
         let node = &self.nodes[self.number(former)];
@@ -226,7 +229,7 @@ impl Patroni {
         self.etcd.take().unwrap().kill();
     }
 
-    /// Starts etcd, with what it knew.
+    /// Starts etcd, with its former data.
     pub fn start_etcd(&mut self) {
         let (client, peer) = (self.etcd_client, self.etcd_peer);
         let mut command = Command::new("etcd");
@@ -272,7 +275,7 @@ impl Patroni {
         node.patroni = Some(Process::start(&mut command, log));
     }
 
-    /// The example's settings of the cluster, and where this server is.
+    /// Writes the example's settings of the cluster, and this server's addresses.
     fn config(&self, node: &Node) -> String {
         let (_, from_bootstrap) = EXAMPLE.split_once("\nbootstrap:\n").unwrap();
         let (bootstrap, _) = from_bootstrap.split_once("\npostgresql:\n").unwrap();
@@ -324,18 +327,18 @@ impl Node {
         self.folder.join("data")
     }
 
-    /// Whether it is the primary, as it says itself.
+    /// True if it reports itself as the primary.
     fn can_be_written(&self) -> bool {
         let told = try_psql(&self.as_superuser(), "SELECT NOT pg_is_in_recovery()");
         told.is_some_and(|told| told.trim() == "t")
     }
 
-    /// Its database, for the role that made it.
+    /// Returns the URL of its database, for the role that made it.
     fn as_superuser(&self) -> PostgresUrl {
         url_of(&[&self.postgres.to_string()], "postgres", "postgres")
     }
 
-    /// Whether Patroni says that the server is this.
+    /// True if Patroni reports the server in this state.
     fn is(&self, path: &str) -> bool {
         http::get(self.rest, path, None).is_some_and(|answer| answer.status == 200)
     }
@@ -345,7 +348,7 @@ impl Node {
         text.lines().next()?.trim().parse().ok()
     }
 
-    /// Patroni, the postmaster, and what descends from them.
+    /// Returns Patroni, the postmaster, and their descendants.
     fn processes(&self) -> Vec<u32> {
         let own = self.patroni.as_ref().map(Process::id);
         with_descendants(own.into_iter().chain(self.postmaster()).collect())
@@ -362,7 +365,7 @@ impl Node {
     }
 }
 
-/// Processes, and all that descend from them.
+/// Adds the descendants of processes.
 fn with_descendants(mut all: Vec<u32>) -> Vec<u32> {
     let parents = parents();
     let mut at = 0;

@@ -8,7 +8,7 @@ use fleetcal_tests::service::wait_for;
 
 use crate::processes;
 
-/// A process that ends with this value.
+/// Process that ends with this value.
 #[derive(Debug)]
 pub struct Process {
     child: Child,
@@ -16,7 +16,7 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts it; what it says goes into a file.
+    /// Starts it, with its output in a file.
     pub fn start(command: &mut Command, log: PathBuf) -> Self {
         let file = File::options()
             .create(true)
@@ -32,7 +32,7 @@ impl Process {
         Self { child, log }
     }
 
-    /// Its number.
+    /// Returns its number.
     pub fn id(&self) -> u32 {
         self.child.id()
     }
@@ -45,7 +45,7 @@ impl Process {
         assert!(sent.unwrap().success(), "SIG{name}");
     }
 
-    /// CPU time that it has used, s.
+    /// Returns the CPU time that it has used, s.
     pub fn cpu_s(&self) -> f64 {
         processes::cpu_s(self.child.id())
     }
@@ -56,18 +56,18 @@ impl Process {
         self.child.wait().unwrap();
     }
 
-    /// Waits until it has ended by itself; gives its exit status.
+    /// Waits until it has ended by itself; returns its exit status.
     pub fn ended(&mut self) -> Option<i32> {
         wait_for("its end", || self.child.try_wait().unwrap()).code()
     }
 
-    /// Asks it to end, and waits until it has, as one does that had time for it.
+    /// Terminates it by a signal, and waits for its orderly end.
     pub fn end_in_order(&mut self) {
         self.signal("TERM");
         assert_eq!(self.ended(), Some(0), "{}", self.said());
     }
 
-    /// What it has said.
+    /// Returns its output.
     pub fn said(&self) -> String {
         fs::read_to_string(&self.log).unwrap_or_default()
     }

@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Command;
 
-/// The fields of a process's `stat` from the third one on; `None` when it has ended.
+/// Returns the fields of a process's `stat` from the third one on; `None` if it has ended.
 fn stat(pid: u32) -> Option<Vec<String>> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     // The second field may hold spaces.
@@ -11,7 +11,7 @@ fn stat(pid: u32) -> Option<Vec<String>> {
     Some(fields.split_whitespace().map(str::to_owned).collect())
 }
 
-/// CPU time that a process has used, s.
+/// Returns the CPU time that a process has used, s.
 pub fn cpu_s(pid: u32) -> f64 {
     // Fields 14 and 15, in ticks of 10 ms.
     let fields = stat(pid).unwrap();
@@ -19,7 +19,7 @@ pub fn cpu_s(pid: u32) -> f64 {
     (ticks(11) + ticks(12)) / 100.0
 }
 
-/// Each process and its parent.
+/// Returns each process with its parent.
 pub fn parents() -> Vec<(u32, u32)> {
     let entries = fs::read_dir("/proc").unwrap().filter_map(Result::ok);
     let pair = |entry: fs::DirEntry| {

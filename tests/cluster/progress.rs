@@ -12,24 +12,24 @@ use fleetcal_tests::binary;
 
 use crate::figures::told;
 
-/// What stands in the file instead of figures when a round begins.
+/// Mark in the file instead of figures when a round begins.
 const BEGUN: &str = "begun";
 
 /// Figures of the rounds of a kind, by seed.
 #[derive(Debug)]
 pub struct Progress {
     file: Option<PathBuf>,
-    /// Seeds that are to be run, or were.
+    /// Number of seeds to run.
     wanted: u64,
-    /// What each round that has passed has found.
+    /// Figures of each round that has passed.
     pub rounds: BTreeMap<u64, Vec<f64>>,
     /// Rounds of former runs that failed or were broken off.
     pub failed: u64,
 }
 
 impl Progress {
-    /// Of a kind, of which `CLUSTER_ROUNDS_{KIND}` rounds are asked for, else `rounds`.
-    /// `CLUSTER_PROGRESS` is the folder of the files, else every round is run.
+    /// Makes the progress of a kind, with `CLUSTER_ROUNDS_{KIND}` rounds, else `rounds`.
+    /// `CLUSTER_PROGRESS` is the folder of the files; without it every round is run.
     pub fn of(kind: &str, rounds: usize) -> Self {
         let wanted = number(&format!("CLUSTER_ROUNDS_{}", kind.to_uppercase()), rounds) as u64;
         let file = std::env::var_os("CLUSTER_PROGRESS").map(|folder| {
@@ -46,7 +46,7 @@ impl Progress {
         }
     }
 
-    /// Seeds that have not passed yet.
+    /// Returns the seeds that have not passed yet.
     pub fn open(&self) -> Vec<u64> {
         let wanted = 1..=self.wanted;
         wanted
@@ -54,12 +54,13 @@ impl Progress {
             .collect()
     }
 
-    /// Notes that a round begins: unless it passes, it counts as failed from the next run on.
+    /// Records that a round begins: unless it passes, it counts as failed from the next run on.
     pub fn begin(&self, seed: u64) {
         self.note(seed, BEGUN);
     }
 
-    /// Notes a round that has passed: the seed, its figures, and what it was run with.
+    /// Records a round that has passed: the seed, its figures, and the program and server it ran
+    /// with.
     pub fn passed(&mut self, seed: u64, figures: Vec<f64>) {
         let told: Vec<_> = figures.iter().map(|one| format!("{one:.4}")).collect();
         self.note(seed, &told.join(" "));
@@ -73,12 +74,13 @@ impl Progress {
         }
     }
 
-    /// How many rounds of former runs failed for any reason, or were broken off, of all that were begun.
+    /// Formats the number of rounds of former runs that failed for any reason, or were broken off,
+    /// of all that were begun.
     pub fn told_failed(&self) -> String {
         told(self.failed, self.len() + self.failed)
     }
 
-    /// The figure at a place in every round.
+    /// Returns the figure at a place in every round.
     pub fn figures(&self, at: usize) -> Vec<f64> {
         let rounds = self.rounds.values();
         rounds
@@ -86,17 +88,17 @@ impl Progress {
             .collect()
     }
 
-    /// The sum of the figure at a place, a count.
+    /// Returns the sum of the figure at a place, a count.
     pub fn count(&self, at: usize) -> u64 {
         self.figures(at).iter().sum::<f64>().round() as u64
     }
 
-    /// Rounds that have passed.
+    /// Returns the number of rounds that have passed.
     pub fn len(&self) -> u64 {
         self.rounds.len() as u64
     }
 
-    /// The seeds, and what the rounds were run with now.
+    /// Formats the seeds, and the present program and server.
     pub fn told(&self, server: &str) -> String {
         let seeds = self.rounds.keys();
         let (first, last) = (seeds.clone().next(), seeds.clone().next_back());
@@ -111,7 +113,7 @@ impl Progress {
     }
 }
 
-/// The rounds that have passed, and how many others were begun.
+/// Returns the rounds that have passed, and the number of others that were begun.
 fn read(text: &str) -> (BTreeMap<u64, Vec<f64>>, u64) {
     let mut rounds = BTreeMap::new();
     let mut open = BTreeMap::<u64, u64>::new();
@@ -137,7 +139,8 @@ fn read(text: &str) -> (BTreeMap<u64, Vec<f64>>, u64) {
     (rounds, open.values().sum())
 }
 
-/// What `fleetcal --version` says, and the commit that is checked out, with a mark of changes.
+/// Returns the output of `fleetcal --version`, and the commit that is checked out, with a mark of
+/// changes.
 fn program() -> String {
     let said = binary::run(["--version"]);
     let version = String::from_utf8_lossy(&said.stdout).trim().to_owned();
@@ -153,7 +156,7 @@ fn program() -> String {
     }
 }
 
-/// The version of Zenoh that this is built with.
+/// Returns the version of Zenoh of this build.
 fn zenoh() -> String {
     let lock = concat!(env!("CARGO_MANIFEST_DIR"), "/../Cargo.lock");
     let lock = fs::read_to_string(lock).unwrap_or_default();

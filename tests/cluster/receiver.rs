@@ -11,12 +11,12 @@ use serde_json::Value;
 
 use crate::checker::{Decision, Outcome};
 
-/// How long it takes for an answer: a sender that is killed is mostly killed meanwhile.
+/// Delay of an answer: a sender that is killed is mostly killed meanwhile.
 const ANSWERS_AFTER: Duration = Duration::from_millis(400);
-/// It refuses one of so many messages the first time.
+/// Number of messages of which one is refused the first time.
 const REFUSES_ONE_OF: usize = 3;
 
-/// A message as it came.
+/// A received message.
 #[derive(Debug, Clone)]
 struct Message {
     id: String,
@@ -24,7 +24,7 @@ struct Message {
     is_taken: bool,
 }
 
-/// See the module.
+/// Webhook receiver; see the module.
 #[derive(Debug)]
 pub struct Receiver {
     address: SocketAddr,
@@ -64,17 +64,18 @@ impl Receiver {
         }
     }
 
-    /// Whether it is about to accept a message: a sender that is killed now never knows that it did.
+    /// True if it is about to accept a message: a sender that is killed now never learns of it.
     pub fn is_accepting(&self) -> bool {
         self.accepts.load(Ordering::Relaxed)
     }
 
-    /// Where it is told.
+    /// Returns the URL for messages.
     pub fn url(&self) -> String {
         format!("http://{}/told", self.address)
     }
 
-    /// The acknowledged proposals among decisions of which no message was taken, by their reasons.
+    /// Returns the acknowledged proposals among decisions without an accepted message, by their
+    /// reasons.
     pub fn not_told(&self, decisions: &[Decision]) -> Vec<String> {
         let came = self.came.lock().unwrap();
         let taken = came.iter().filter(|message| message.is_taken);
@@ -83,8 +84,8 @@ impl Receiver {
         reasons.filter(|reason| !told.contains(reason)).collect()
     }
 
-    /// Asserts that each message has one text, and each proposal one message; gives how many came, and
-    /// how many of those came again though they had been taken.
+    /// Asserts that each message has one text, and each proposal one message; returns the number of
+    /// messages, and of those repeated after they had been accepted.
     pub fn counts(&self) -> [usize; 2] {
         let came = self.came.lock().unwrap();
         let (mut texts, mut ids) = (BTreeMap::new(), BTreeMap::new());
@@ -107,7 +108,7 @@ impl Receiver {
     }
 }
 
-/// The reasons of the acknowledged proposals among decisions.
+/// Returns the reasons of the acknowledged proposals among decisions.
 pub fn proposed(decisions: &[Decision]) -> impl Iterator<Item = String> {
     let proposed = decisions
         .iter()
@@ -115,13 +116,14 @@ pub fn proposed(decisions: &[Decision]) -> impl Iterator<Item = String> {
     proposed.map(|one| one.reason.clone())
 }
 
-/// The reason of the proposal that a message tells of.
+/// Returns the reason of the proposal in a message.
 fn reason(body: &str) -> Option<String> {
     let body: Value = serde_json::from_str(body).ok()?;
     Some(body["data"]["reason"].as_str()?.to_owned())
 }
 
-/// The `webhook-id` and the body of a request; `None` of one that breaks off, as a killed sender's does.
+/// Reads the `webhook-id` and the body of a request; `None` if it breaks off, as a killed sender's
+/// does.
 fn request(connection: &TcpStream) -> Option<(String, String)> {
     let mut reader = BufReader::new(connection);
     let (mut id, mut length) = (None, 0);
@@ -147,7 +149,7 @@ fn request(connection: &TcpStream) -> Option<(String, String)> {
     Some((id?, String::from_utf8(body).ok()?))
 }
 
-/// Accepts or refuses. A sender that was killed meanwhile does not hear it.
+/// Accepts or refuses a message. A sender that was killed meanwhile does not receive the answer.
 fn answer(mut connection: &TcpStream, is_taken: bool) {
     let status = if is_taken {
         "204 No Content"

@@ -11,7 +11,7 @@ use fleetcal_tests::service::wait_for;
 use crate::checker::{Audited, Evidence, Owned, Written};
 use crate::processes;
 
-/// Tables of telemetry that an instance writes of its own robots alone.
+/// Tables of telemetry that an instance writes for its own robots alone.
 const TABLES: [&str; 4] = [
     "history_second",
     "history_minute",
@@ -19,7 +19,7 @@ const TABLES: [&str; 4] = [
     "checkpoint",
 ];
 
-/// A server that knows when each transaction was committed, which listens at a further address, too.
+/// Starts a server that records the time of each commit, which also listens at a further address.
 pub fn server(address: Option<IpAddr>) -> OwnServer {
     let mut server = OwnServer::start_new("trust");
     // Each instance has some ten connections, and those of a former life stay for a moment.
@@ -33,7 +33,7 @@ pub fn server(address: Option<IpAddr>) -> OwnServer {
     server
 }
 
-/// Kills the postmaster and all of its processes at once: what is in its memory alone is gone.
+/// Kills the postmaster and all of its processes at once: data in its memory alone are lost.
 pub fn kill_processes(url: &PostgresUrl) {
     let postmaster = psql(
         url,
@@ -50,8 +50,8 @@ pub fn kill_processes(url: &PostgresUrl) {
     wait_for("the end of the server", || (!left.exists()).then_some(()));
 }
 
-/// Makes a role for each instance and notes from now on what is owned and written. The schema has to
-/// be there.
+/// Makes a role for each instance and records changes of owners and writes from now on. The schema
+/// has to exist.
 pub fn watch(url: &PostgresUrl, instances: &[&str]) {
     for name in instances {
         psql(url, &format!("CREATE ROLE {name} SUPERUSER LOGIN"));
@@ -97,20 +97,20 @@ pub fn watch(url: &PostgresUrl, instances: &[&str]) {
     }
 }
 
-/// Which instance has a duty.
+/// Returns the instance that has a duty.
 pub fn holder(url: &PostgresUrl, duty: &str) -> Option<String> {
     let sql = format!("SELECT coalesce(instance, '') FROM duty WHERE name = '{duty}'");
     let instance = psql(url, &sql).trim().to_owned();
     (!instance.is_empty()).then_some(instance)
 }
 
-/// How often a robot was given to an instance, or taken from one, so far.
+/// Counts the assignments and withdrawals of robots so far.
 pub fn tenures_begun(url: &PostgresUrl) -> usize {
     let count = psql(url, "SELECT count(*) FROM seen_owner");
     count.trim().parse().unwrap()
 }
 
-/// Puts what the database knows into the evidence.
+/// Adds the database's records to the evidence.
 pub fn read(url: &PostgresUrl, into: &mut Evidence) {
     const COMMITTED: &str = "(extract(epoch FROM pg_xact_commit_timestamp(s.xmin)) * 1e6)::bigint";
     let owners = rows(
@@ -161,8 +161,8 @@ pub fn read(url: &PostgresUrl, into: &mut Evidence) {
         .collect();
 }
 
-/// Alerts that nobody's decision explains and that were raised after the change of this number, each
-/// with how it went, and the number of the last change now.
+/// Returns the alerts that no decision explains and that were raised after the change of this
+/// number, each with its course, and the number of the last change now.
 pub fn alerts_after(url: &PostgresUrl, change: i64) -> (Vec<String>, i64) {
     const AT: &str = "to_char(to_timestamp(at_ns / 1e9), 'HH24:MI:SS.MS')";
     let raised = format!(

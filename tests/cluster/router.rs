@@ -23,7 +23,8 @@ async fn main() {
     drop(session);
 }
 
-/// A router without a list, which listens on the first endpoint and connects to the others.
+/// Configures a router without a list, which listens on the first endpoint and connects to the
+/// others.
 fn of_endpoints(endpoints: &[String]) -> Config {
     let (own, others) = endpoints.split_first().expect("an endpoint to listen on");
     let mut config = Config::default();

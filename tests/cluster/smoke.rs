@@ -11,11 +11,11 @@ use crate::stream;
 use crate::watch::Watch;
 
 const ROBOTS: usize = 6;
-/// Estimates come once a second, so a takeover shows by the next one after it.
+/// Time within which a takeover shows by the next estimate, one a second.
 const TAKEN_OVER_WITHIN: Duration = Duration::from_secs(9);
 const BALANCED_WITHIN: Duration = Duration::from_secs(30);
 
-/// Waits until the instances share the robots evenly; gives how long that took.
+/// Waits until the instances share the robots evenly; returns the time that took.
 fn balanced(seen_by: &Instance, instances: usize) -> Duration {
     let began = now();
     wait_for("even shares", || {
@@ -28,7 +28,7 @@ fn balanced(seen_by: &Instance, instances: usize) -> Duration {
     began.elapsed()
 }
 
-/// Waits until every robot's estimates come, each from one instance; gives those instances.
+/// Waits until every robot's estimates come, each from one instance; returns those instances.
 fn owners(watch: &Watch) -> BTreeMap<String, String> {
     wait_for("estimates of all robots", || {
         std::thread::sleep(Duration::from_secs(3));
@@ -103,7 +103,8 @@ async fn instances_share_the_robots_and_take_over_from_each_other() {
     );
 }
 
-/// Lists and live updates show all robots on either, and what one alone knows is asked of it.
+/// Checks that lists and live updates show all robots on either instance, and that requests about a
+/// robot are forwarded to its instance.
 fn any_instance_answers(a: &Instance, b: &Instance, of_a: &[String], of_b: &[String]) {
     for instance in [a, b] {
         wait_for("all robots on one page", || {
@@ -123,7 +124,8 @@ fn any_instance_answers(a: &Instance, b: &Instance, of_a: &[String], of_b: &[Str
     }
 }
 
-/// Ten wrong passwords for a name are too many, though each instance has seen half of them.
+/// Checks that ten wrong passwords for a name are too many, though each instance has received half
+/// of them.
 fn tries_to_sign_in_count_at_both(a: &Instance, b: &Instance) {
     let try_at = |instance: &Instance| {
         let wrong = r#"{"name": "nobody", "password": "not the password"}"#;
@@ -141,7 +143,8 @@ fn tries_to_sign_in_count_at_both(a: &Instance, b: &Instance) {
     assert_eq!([try_at(a), try_at(b)], [429, 429]);
 }
 
-/// Frozen for longer than its lease, it loses its robots and knows it when it thaws.
+/// Freezes an instance for longer than its lease: it loses its robots and notices it when it is
+/// resumed.
 fn a_frozen_instance_is_fenced(
     cluster: &Cluster,
     watch: &Watch,

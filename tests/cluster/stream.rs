@@ -10,10 +10,11 @@ use serde_json::Value;
 
 use crate::cluster::Instance;
 
-/// Every robot tells its estimate once a second: what has not come for so long does not come.
+/// Time to listen for estimates, which each robot publishes once a second: later ones never come.
 const LISTENS_FOR: Duration = Duration::from_secs(20);
 
-/// Listens until so many robots' estimates have come, but not for ever; gives those robots.
+/// Listens until the estimates of this number of robots have come, or the time is over; returns
+/// those robots.
 pub fn robots_told(instance: &Instance, robots: usize) -> BTreeSet<String> {
     let mut connection = TcpStream::connect(instance.http).unwrap();
     connection.set_read_timeout(Some(LISTENS_FOR)).unwrap();

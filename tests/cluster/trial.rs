@@ -16,37 +16,38 @@ use crate::process::Process;
 use crate::records;
 use crate::watch::Watch;
 
-/// Names of as many instances as there may be.
+/// Names of all possible instances.
 const INSTANCES: [&str; 5] = ["a", "b", "c", "d", "e"];
-/// Robots that drive.
+/// Driving robots.
 pub const DRIVING: usize = 6;
-/// Robots about which is decided.
+/// Robots with decisions.
 pub const PARKED: usize = 2;
-/// Robots about which is decided where the database is hurt, each by somebody of their own, and the pause
-/// of each between two decisions: more than twenty decisions a second.
+/// Robots with decisions where the database is disturbed, each with a decider of its own, with a
+/// pause between two decisions that makes more than twenty a second in all.
 pub const DECIDERS: usize = 8;
 pub const DECIDERS_PAUSE: Duration = Duration::from_millis(150);
-/// So many decisions a second are to be acknowledged before the database is hurt.
+/// Least rate of acknowledged decisions before the database is disturbed, 1/s.
 pub const DECISIONS_PER_S_MIN: f64 = 20.0;
-/// Estimates come once a second: what has not come for so long does not come.
+/// Time after which missing estimates, one a second, never come.
 const SETTLED: Duration = Duration::from_millis(2_500);
-/// Instances share the robots evenly so long after one joins, leaves, thaws or is reached again.
+/// Time within which instances share the robots evenly after one joins, leaves, is resumed or is
+/// reached again.
 pub const BALANCED_WITHIN: Duration = Duration::from_secs(30);
-/// Between two estimates of a robot that is handed over.
+/// Longest time between two estimates of a robot that is handed over.
 pub const HANDED_OVER_WITHIN: Duration = Duration::from_millis(2_200);
-/// Robots of an instance that is gone are estimated again within this time, whatever works.
+/// Time within which robots of a lost instance are estimated again, in any case.
 pub const SERVED_WITHIN: Duration = Duration::from_secs(9);
 
-/// See the module.
+/// Cluster with robots, a decider and a listener; see the module.
 #[derive(Debug)]
 pub struct Trial {
-    /// The instances that run, by name.
+    /// Running instances, by name.
     pub instances: BTreeMap<&'static str, Instance>,
-    /// What decides.
+    /// Decider.
     pub decider: Decider,
-    /// What listens.
+    /// Listener.
     pub watch: Watch,
-    /// Where all of it is.
+    /// Cluster that all of it runs on.
     pub cluster: Cluster,
     robots: Process,
     parked: usize,
@@ -54,13 +55,13 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Starts the instances, and all else. `pause` is that of the decider.
+    /// Starts the instances, and the rest. `pause` is that of the decider.
     pub async fn start(fast_takeover: bool, seed: u64, pause: Duration) -> Self {
         let parts = Self::parts(fast_takeover);
         Self::on(Cluster::watched(&parts).await, &parts, seed, pause).await
     }
 
-    /// The parts of a trial's cluster, with as many instances as `CLUSTER_INSTANCES` says.
+    /// Returns the parts of a trial's cluster, with `CLUSTER_INSTANCES` instances.
     pub fn parts(fast_takeover: bool) -> Parts {
         let count = number("CLUSTER_INSTANCES", 2);
         let possible = 2..=INSTANCES.len();
@@ -78,7 +79,7 @@ impl Trial {
         }
     }
 
-    /// Starts the instances, and all else, on a cluster of these parts.
+    /// Starts the instances, and the rest, on a cluster of these parts.
     pub async fn on(cluster: Cluster, parts: &Parts, seed: u64, pause: Duration) -> Self {
         let names = &parts.names;
         let watch = Watch::start(&cluster.routers).await;
@@ -106,23 +107,23 @@ impl Trial {
         trial
     }
 
-    /// The database, directly.
+    /// Returns the database, without a proxy.
     pub fn url(&self) -> PostgresUrl {
         self.cluster.records()
     }
 
-    /// The server's version.
+    /// Returns the server's version.
     pub fn server(&self) -> String {
         psql(&self.url(), "SHOW server_version").trim().to_owned()
     }
 
-    /// One of the instances that run.
+    /// Draws one of the running instances.
     pub fn chosen(&self, random: &mut StdRng) -> &'static str {
         let place = random.random_range(0..self.instances.len());
         self.instances.keys().nth(place).unwrap()
     }
 
-    /// Kills an instance; gives when.
+    /// Kills an instance; returns the time.
     pub fn kill(&mut self, name: &str) -> Instant {
         let mut instance = self.instances.remove(name).unwrap();
         let killed = now();
@@ -137,7 +138,7 @@ impl Trial {
         self.instances.insert(name, instance);
     }
 
-    /// Waits until all instances that run have linked and share the robots evenly; gives how long
+    /// Waits until all running instances have linked and share the robots evenly; returns the time
     /// that took.
     pub fn balanced(&self) -> Duration {
         let began = now();
@@ -145,7 +146,7 @@ impl Trial {
         began.elapsed()
     }
 
-    /// Waits until every robot's estimates come, each from one instance; gives those instances.
+    /// Waits until every robot's estimates come, each from one instance; returns those instances.
     pub fn owners(&self) -> BTreeMap<String, String> {
         let began = now();
         wait_for("estimates of all robots", || {
@@ -162,35 +163,35 @@ impl Trial {
         })
     }
 
-    /// The driving robots of an instance.
+    /// Returns the driving robots of an instance.
     pub fn of_instance(&self, name: &str) -> Vec<String> {
         let owners = self.owners().into_iter();
         let own = owners.filter(|(_, owner)| owner == name);
         own.map(|(robot, _)| robot).collect()
     }
 
-    /// Waits until robots that an instance had come from another one; gives how long after `then`
-    /// each did, s.
+    /// Waits until the robots of an instance come from another one; returns the time from `then` on
+    /// for each, s.
     pub fn taken_over(&self, then: Instant, from: &str, robots: &[String]) -> Vec<f64> {
         let took = wait_for("a takeover", || self.watch.taken_over(then, from, robots));
         took.iter().map(Duration::as_secs_f64).collect()
     }
 
-    /// How many decisions a second are acknowledged, over this time.
+    /// Measures the rate of acknowledged decisions over this time, 1/s.
     pub fn decisions_per_s(&self, over: Duration) -> f64 {
         let (began, before) = (now(), self.decider.acknowledged());
         std::thread::sleep(over);
         (self.decider.acknowledged() - before) as f64 / began.elapsed().as_secs_f64()
     }
 
-    /// Alerts that were raised since the last question.
+    /// Returns the alerts raised since the last call.
     pub fn alerts(&mut self) -> Vec<String> {
         let (raised, until) = records::alerts_after(&self.url(), self.alerts_until);
         self.alerts_until = until;
         raised
     }
 
-    /// All that was seen so far.
+    /// Returns the evidence so far.
     pub fn evidence(&self) -> Evidence {
         // Decisions first: what is acknowledged by now is in the rows that are read afterwards.
         let mut evidence = Evidence {
@@ -202,7 +203,7 @@ impl Trial {
         evidence
     }
 
-    /// Asserts that nothing is wrong so far; gives how many estimates came late.
+    /// Asserts that there are no violations so far; returns the number of late estimates.
     pub fn check(&self, round: u64) -> usize {
         let evidence = self.evidence();
         assert!(!evidence.written.is_empty(), "nobody wrote anything");
@@ -216,7 +217,7 @@ impl Trial {
         evidence.stale_estimates().into_values().sum()
     }
 
-    /// What a campaign was watched by.
+    /// Formats the observations of a campaign.
     pub fn seen(&self) -> String {
         let evidence = self.evidence();
         let acknowledged = self.decider.acknowledged();
@@ -232,7 +233,7 @@ impl Trial {
         )
     }
 
-    /// Stops the robots, then the instances one after the other, in order; gives the cluster.
+    /// Stops the robots, then the instances one after the other, in order; returns the cluster.
     pub fn end(mut self) -> Cluster {
         self.robots.signal("TERM");
         self.robots.ended();
@@ -243,18 +244,18 @@ impl Trial {
         self.cluster
     }
 
-    /// Whether the robots drive on.
+    /// True if the robots still drive.
     pub fn drives(&self) -> bool {
         !self.robots.said().contains("panicked")
     }
 }
 
-/// The router of the instance at a place: one of two, in turn.
+/// Returns the router of the instance at a place: one of two, in turn.
 fn router_of(place: usize) -> usize {
     place % 2
 }
 
-/// Waits until instances share so many robots evenly, as each of them sees it.
+/// Waits until instances share this number of robots evenly, in the view of each of them.
 fn wait_until_even(instances: &BTreeMap<&'static str, Instance>, robots: usize) {
     let is_even = |seen_by: &Instance| {
         let shares = seen_by.shares()?;
@@ -268,12 +269,12 @@ fn wait_until_even(instances: &BTreeMap<&'static str, Instance>, robots: usize) 
     });
 }
 
-/// Whether a robot only has decisions made about it.
+/// True if a robot only has decisions made about it.
 pub fn is_parked(robot: &str) -> bool {
     robot.starts_with("parked_")
 }
 
-/// Asserts that enough was decided a second for a round to count.
+/// Asserts that the rate of decisions suffices for a round to count.
 pub fn assert_rate(per_s: f64) {
     assert!(
         per_s >= DECISIONS_PER_S_MIN,
@@ -281,7 +282,7 @@ pub fn assert_rate(per_s: f64) {
     );
 }
 
-/// Where is decided, and by whom, whose names end so.
+/// Makes a desk whose users have names with this ending.
 pub fn desk(cluster: &Cluster, names: &[&str], end: &str) -> Desk {
     Desk {
         instances: names.iter().map(|name| cluster.http(name)).collect(),

@@ -16,13 +16,13 @@ use serde_json::{Value, json};
 use crate::cluster::{Cluster, token_in};
 use crate::process::Process;
 
-/// Each robot's estimator as it is stored.
+/// Stored estimator of each robot.
 pub type States = BTreeMap<String, Vec<u8>>;
 
-/// What is published of each robot: the sigmas of its steering offset and of its LiDAR's mount, rad and m.
+/// Published sigmas of each robot: of its steering offset and of its LiDAR's mount, rad and m.
 pub type Sigmas = BTreeMap<String, Vec<f64>>;
 
-/// The parameters of a calibration.
+/// Parameters of a calibration.
 pub const CALIBRATED: [Parameter; 4] = [
     Parameter::SteeringOffset,
     Parameter::LidarX,
@@ -30,7 +30,7 @@ pub const CALIBRATED: [Parameter; 4] = [
     Parameter::LidarYaw,
 ];
 
-/// See the module.
+/// Service beside a cluster; see the module.
 #[derive(Debug)]
 pub struct Twin {
     process: Process,
@@ -65,7 +65,7 @@ impl Twin {
         }
     }
 
-    /// What it would publish of robots.
+    /// Returns the sigmas that it would publish.
     pub fn sigmas(&self, robots: &[String]) -> Sigmas {
         sigmas(robots, |path| {
             let answer = http::get(self.http, path, Some(&self.token)).unwrap();
@@ -74,7 +74,7 @@ impl Twin {
         })
     }
 
-    /// Ends it; gives its robots' states.
+    /// Ends it; returns its robots' states.
     pub async fn end(mut self) -> States {
         self.process.end_in_order();
         let store = fleetcal_sqlite::open(&self.data, Arc::new(SystemClock::start())).await;
@@ -88,7 +88,7 @@ impl Twin {
     }
 }
 
-/// The sigmas of robots in the API that `get` asks.
+/// Returns the sigmas of robots in the API that `get` queries.
 pub fn sigmas(robots: &[String], get: impl Fn(&str) -> Value) -> Sigmas {
     let of = |robot: &String| {
         let estimate = get(&format!("/api/v1/robots/{robot}/estimate"));
@@ -102,7 +102,7 @@ pub fn sigmas(robots: &[String], get: impl Fn(&str) -> Value) -> Sigmas {
     robots.iter().map(of).collect()
 }
 
-/// The states of a cluster's robots, as the last instance has stored them.
+/// Returns the states of a cluster's robots, as the last instance has stored them.
 pub fn states(cluster: &Cluster) -> States {
     let told = psql(
         &cluster.records(),

@@ -17,15 +17,15 @@ use crate::figures::spread;
 use crate::progress::Progress;
 use crate::trial::{BALANCED_WITHIN, DRIVING, HANDED_OVER_WITHIN, Trial, is_parked};
 
-/// The pause between two decisions of somebody who decides beside it.
+/// Pause between two decisions of the decider beside it.
 const PAUSE: Duration = Duration::from_millis(200);
-/// No estimator begins from nothing: its distance would begin at 0, and a sigma would be ten times as
-/// large; of a robot that has just converged it goes up and down by a half.
+/// Largest rise of a sigma: an estimator that began from nothing would have a distance of 0 and a
+/// sigma ten times as large; that of a robot that has just converged varies by a half.
 const SIGMA_RISE_MAX: f64 = 2.0;
-/// The parameters of a calibration.
+/// Parameters of a calibration.
 const PARAMETERS: [&str; 4] = ["steering_offset", "lidar_x", "lidar_y", "lidar_yaw"];
 
-/// Somebody who reads, as a balancer lets one: from the next instance when one does not answer.
+/// Reader that moves to the next instance when one does not answer, like a balancer's client.
 struct Reader {
     stop: Arc<AtomicBool>,
     reads: Arc<AtomicU64>,
@@ -76,13 +76,13 @@ impl Drop for Reader {
     }
 }
 
-/// Of an estimator.
+/// Sigmas and distance of an estimator.
 struct Standing {
     sigmas: Vec<f64>,
     distance_m: f64,
 }
 
-/// Each robot's sigmas and distance, once all its parameters are converged.
+/// Returns each robot's sigmas and distance, once all its parameters are converged.
 fn standing(seen_by: &Instance) -> BTreeMap<String, Standing> {
     wait_for("converged estimates of all robots", || {
         let list = seen_by.try_get("/api/v1/robots?limit=100")?;
@@ -136,8 +136,8 @@ fn version(instance: &Instance) -> String {
     own.unwrap()["program"].as_str().unwrap().to_owned()
 }
 
-/// Changes all instances to a program, one after the other; gives the longest time without an estimate
-/// of a robot, s.
+/// Changes all instances to a program, one after the other; returns the longest time without an
+/// estimate of a robot, s.
 fn change(trial: &mut Trial, program: &Path, has_changed: impl Fn(&Instance) -> bool) -> f64 {
     let any = |trial: &Trial| standing(trial.instances.values().next().unwrap());
     let (before, began) = (any(trial), now());
@@ -205,7 +205,7 @@ async fn instances_are_upgraded_and_taken_back_under_robots_that_drive() {
     println!("  failed or broken off: {}", progress.told_failed());
 }
 
-/// Brings the database to a version's schema beside the instances that serve.
+/// Migrates the database to a version's schema beside the running instances.
 fn migrate(program: &Path, database: &str) {
     let output = Command::new(program)
         .args(["store", "migrate", "--database", database])

@@ -13,20 +13,20 @@ use zenoh::{Config, Session};
 
 use crate::checker::{Estimated, Evidence, Offered};
 
-/// An estimate that came.
+/// A received estimate.
 #[derive(Debug, Clone)]
 pub struct Heard {
-    /// When.
+    /// Time of arrival.
     pub at: Instant,
-    /// Of which robot.
+    /// The robot.
     pub robot: String,
-    /// From which instance; empty from a service that is alone.
+    /// The instance; empty from a service that is alone.
     pub instance: String,
-    /// In which epoch; 0 from a service that is alone.
+    /// The epoch; 0 from a service that is alone.
     pub epoch: i64,
 }
 
-/// See the module.
+/// Listener to all robots' estimates; see the module.
 #[derive(Debug)]
 pub struct Watch {
     heard: Arc<Mutex<Vec<Heard>>>,
@@ -89,7 +89,7 @@ impl Watch {
         }
     }
 
-    /// Puts all that came into the evidence.
+    /// Adds all received messages to the evidence.
     pub fn read(&self, into: &mut Evidence) {
         let heard = self.heard.lock().unwrap();
         let estimated = heard.iter().map(|one| Estimated {
@@ -101,13 +101,13 @@ impl Watch {
         into.documents.clone_from(&self.offered.lock().unwrap());
     }
 
-    /// What came since, in its order.
+    /// Returns the messages since, in order of arrival.
     pub fn since(&self, then: Instant) -> Vec<Heard> {
         let heard = self.heard.lock().unwrap();
         heard.iter().filter(|one| one.at >= then).cloned().collect()
     }
 
-    /// When the first estimate of each robot came since.
+    /// Returns the time of the first estimate of each robot since.
     pub fn first_since(&self, then: Instant) -> BTreeMap<String, Instant> {
         let mut first = BTreeMap::new();
         for one in self.since(then) {
@@ -116,7 +116,7 @@ impl Watch {
         first
     }
 
-    /// Which instances each robot's estimates came from since.
+    /// Returns the instances of each robot's estimates since.
     pub fn owners(&self, then: Instant) -> BTreeMap<String, BTreeSet<String>> {
         let mut owners: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
         for one in self.since(then) {
@@ -125,8 +125,8 @@ impl Watch {
         owners
     }
 
-    /// For each robot, how long after `then` its first estimate from another instance than `gone`
-    /// came; `None` while one has none.
+    /// Returns, for each robot, the time from `then` until its first estimate from another instance
+    /// than `gone`; `None` while one has none.
     pub fn taken_over(&self, then: Instant, gone: &str, of: &[String]) -> Option<Vec<Duration>> {
         let since = self.since(then);
         let first = |robot: &String| {
@@ -138,7 +138,7 @@ impl Watch {
         of.iter().map(first).collect()
     }
 
-    /// Estimates that came after one of the same robot with a higher epoch, by robot.
+    /// Counts the estimates that came after one of the same robot with a higher epoch, by robot.
     pub fn stale(&self, then: Instant) -> BTreeMap<String, usize> {
         let mut highest: BTreeMap<String, i64> = BTreeMap::new();
         let mut stale = BTreeMap::new();
@@ -153,7 +153,7 @@ impl Watch {
         stale
     }
 
-    /// The longest time between two estimates of each robot since.
+    /// Returns the longest time between two estimates of each robot since.
     pub fn gaps(&self, then: Instant) -> BTreeMap<String, Duration> {
         let mut last: BTreeMap<String, Instant> = BTreeMap::new();
         let mut gaps: BTreeMap<String, Duration> = BTreeMap::new();

@@ -16,12 +16,12 @@ use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_store::{Expected, ProposalFilter, Store, StoreError};
 
-use crate::place::Place;
-use crate::records;
+use crate::durability::place::Place;
+use crate::durability::records;
 
-/// Proposals that two approve at once.
+/// Proposals that two people approve at once.
 const PROPOSALS: usize = 1_000;
-/// Of so many robots at the same time, so that some share a transaction and some do not.
+/// Robots at the same time, so that some share a transaction and some do not.
 const ROBOTS: usize = 20;
 
 fn person(name: &str) -> Actor {
@@ -55,7 +55,7 @@ async fn decide(
     store.transact(decision).await
 }
 
-/// Gives a robot the drawing that its changes are small from: one person approves them.
+/// Stores a drawing of a robot near its changes, so that one approver suffices.
 async fn draw(store: &Store, robot: &RobotId) {
     let wheelbase = Wheelbase::try_from(1.2).unwrap();
     let config = RobotConfig {
@@ -93,7 +93,7 @@ async fn propose(store: &Store, robot: &RobotId) -> (u64, Command) {
     (proposal.id.0, approve)
 }
 
-/// Both try at once; who won.
+/// Runs both approvals at once; returns the winner.
 async fn race(store: &Store, robot: &RobotId) -> &'static str {
     let (id, approve) = propose(store, robot).await;
     let attempt = |name: &'static str| {

@@ -7,13 +7,13 @@ use std::path::Path;
 
 use fleetcal_tests::service::{self, Service};
 
-use crate::injected::{Faults, Robots, SYNC, can_inject, settle};
+use crate::durability::injected::{Faults, Robots, SYNC, can_inject, settle};
 
-/// Writes of a run that meets no fault.
+/// Writes after which a run without a fault ends.
 const WRITES: usize = 40;
-/// Runs of one service: its database grows, and with it what a write does.
+/// Runs of one service: its database grows, and with it the work of a write.
 const RUNS_OF_A_SERVICE: usize = 50;
-/// What fails, and how.
+/// Faults: system call and error.
 const FAULTS: [(&str, &str); 4] = [
     ("pwrite64", "EIO"),
     ("pwrite64", "ENOSPC"),
@@ -21,7 +21,7 @@ const FAULTS: [(&str, &str); 4] = [
     (SYNC, "ENOSPC"),
 ];
 
-/// What an earlier campaign has done: a line for each run, `call error N failed`.
+/// Runs of an earlier campaign: a line for each, `call error N failed`.
 #[derive(Debug, Default)]
 struct Progress {
     runs: Vec<(String, String, usize, usize)>,
@@ -48,7 +48,7 @@ impl Progress {
         }
     }
 
-    /// The next N of a fault; `None` after a run that met none.
+    /// Returns the next N of a fault; `None` after a run that met none.
     fn next(&self, (call, error): (&str, &str)) -> Option<usize> {
         let mut runs = self
             .runs
@@ -73,7 +73,8 @@ impl Progress {
     }
 }
 
-/// One run: the N-th call of each thread fails while robots are registered; gives how many failed.
+/// Runs one case: the N-th call of each thread fails while robots are registered; returns the
+/// number of failures.
 fn run(service: &Service, robots: &mut Robots, (call, error): (&str, &str), n: usize) -> usize {
     let faults = Faults::begin(service, call, &format!("error={error}:when={n}"));
     for _ in 0..WRITES {

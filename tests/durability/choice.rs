@@ -8,7 +8,7 @@ use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use rand::Rng;
 use rand::rngs::StdRng;
 
-/// Something that mostly fits the records, so that every state is reached.
+/// Chooses a command that mostly fits the records, so that every state is reached.
 pub fn choose(random: &mut StdRng, ledger: &RobotLedger, now: WallTime) -> Command {
     if let Some(live) = &ledger.live {
         return for_deployment(random, live, now);

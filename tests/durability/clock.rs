@@ -8,13 +8,13 @@ use fleetcal_tests::service::{Service, wait_for};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::lifecycle::{Fleet, received};
+use crate::durability::lifecycle::{Fleet, received};
 
-/// Robots that drive meanwhile, and for how long, s.
+/// Robots that drive meanwhile, and the duration, s.
 const ROBOTS: usize = 2;
 const DRIVE_S: u64 = 60;
 const DAY_S: i64 = 86_400;
-/// What the clock shows beyond the machine's, one after another, and why.
+/// Offsets of the clock from the machine's, one after another, with the reasons.
 const AHEAD: [(i64, &str); 5] = [
     (30 * DAY_S, "30 days later"),
     (-30 * DAY_S, "30 days before"),
@@ -23,7 +23,7 @@ const AHEAD: [(i64, &str); 5] = [
     (0, "right again"),
 ];
 
-/// The wall clock of a service, which a test sets.
+/// Wall clock of a service, which a test sets.
 struct WallClock {
     folder: TempDir,
 }
@@ -66,7 +66,7 @@ impl WallClock {
     }
 }
 
-/// Seconds in the last hour of the first robot's history, by its own clock.
+/// Returns the seconds in the last hour of the first robot's history, by its own clock.
 fn history(service: &Service) -> usize {
     let history: Value = service.get("/api/v1/robots/robot_01/history?max_points=5000");
     let seconds = history["time"].as_array().unwrap().len();

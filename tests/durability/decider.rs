@@ -39,7 +39,7 @@ use rand::{Rng, SeedableRng};
 use place::Place;
 use said::{Effect, Row, Said};
 
-/// What a run is asked for.
+/// Order for a run.
 struct Order {
     /// A folder, or the URL of a PostgreSQL.
     database: String,
@@ -74,7 +74,7 @@ fn main() {
     }
 }
 
-/// One line at once, so that a line that was heard was said as a whole.
+/// Writes one line at once, so that every received line is whole.
 fn say(said: &Said) {
     let mut line = serde_json::to_vec(said).unwrap();
     line.push(b'\n');
@@ -146,7 +146,7 @@ async fn run(order: &Order, session: u64) {
     say(&Said::Closed);
 }
 
-/// Drawing of every robot: the mount of its LiDAR.
+/// Returns the drawing of every robot: the mount of its LiDAR.
 fn drawing() -> Mount {
     Mount::try_from(Pose2::new(0.425, 0.0, 0.0)).unwrap()
 }
@@ -155,7 +155,7 @@ fn key() -> SigningKey {
     SigningKey::from_bytes(&[7; 32])
 }
 
-/// Decides for one robot, one thing after another.
+/// Decider for one robot, one decision after another.
 struct Worker {
     robot: RobotId,
     lifecycle: Lifecycle,

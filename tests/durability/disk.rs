@@ -7,7 +7,7 @@ use std::path::Path;
 use rand::Rng;
 use rand::rngs::StdRng;
 
-use crate::trace::Event;
+use crate::durability::trace::Event;
 
 /// A change of a file that may not have reached the disk.
 #[derive(Debug, Clone)]
@@ -16,11 +16,11 @@ enum Change {
     Truncate(usize),
 }
 
-/// A file by whatever name.
+/// Content of a file, by whatever name.
 #[derive(Debug, Clone, Default)]
 struct Content {
     durable: Vec<u8>,
-    /// Numbers of the events and what they did.
+    /// Numbers of the events and their changes.
     pending: Vec<(usize, Change)>,
 }
 
@@ -31,19 +31,19 @@ enum Entry {
     Gone(String),
 }
 
-/// The disk.
+/// Model of the disk.
 #[derive(Debug, Default)]
 pub struct Disk {
     contents: Vec<Content>,
-    /// Entries as programs see them.
+    /// Entries in the view of programs.
     names: BTreeMap<String, usize>,
-    /// Entries as they are after power loss at the earliest.
+    /// Entries after a power loss at the earliest.
     durable_names: BTreeMap<String, usize>,
     pending_entries: Vec<(usize, Entry)>,
 }
 
 impl Disk {
-    /// Takes event `number`.
+    /// Applies event `number`.
     pub fn take(&mut self, number: usize, event: &Event) {
         match event {
             Event::Create { file } => {
@@ -101,7 +101,7 @@ impl Disk {
             .push((number, change));
     }
 
-    /// Writes what may be found if the power goes now: of the folder's unsynced entries the first
+    /// Writes a possible content after a power loss now: of the folder's unsynced entries the first
     /// ones, of each unsynced write any of its sectors.
     pub fn lose_power(&self, random: &mut StdRng, folder: &Path) {
         let mut names = self.durable_names.clone();
@@ -144,7 +144,7 @@ fn put(bytes: &mut Vec<u8>, offset: usize, new: &[u8]) {
     bytes[offset..end].copy_from_slice(new);
 }
 
-/// Applies what happens to have reached the disk of a change.
+/// Applies the part of a change that happens to have reached the disk.
 fn tear(bytes: &mut Vec<u8>, change: &Change, sector: usize, chance: f64, random: &mut StdRng) {
     match change {
         Change::Truncate(length) => {

@@ -15,19 +15,19 @@ use fleetcal_tests::service::{self, Service, wait_for};
 use serde_json::json;
 use sqlx::{ConnectOptions, Connection};
 
-use crate::small_disk::SmallDisk;
+use crate::durability::small_disk::SmallDisk;
 
-/// Writing has to work again so soon after the last fault.
+/// Time after the last fault within which writing has to work again.
 const RECOVERS_WITHIN: Duration = Duration::from_secs(5);
 /// Size of the disk, MiB.
 const DISK_MIB: u32 = 8;
-/// Robots whose history is written.
+/// Robots with written history.
 const ROBOTS: i64 = 20;
 
-/// Offers history and counts what it has offered.
+/// Source of history that counts its rows.
 struct Offers {
     store: Store,
-    /// Message time of the first second, s. Recent: what is old is deleted.
+    /// Message time of the first second, s. It is recent, because old rows are deleted.
     first_s: i64,
     seconds: i64,
 }
@@ -105,7 +105,8 @@ async fn open(data: &Path) -> Offers {
     }
 }
 
-/// Seconds of history in the database, as rows and as counted by minutes and hours; and events.
+/// Returns the seconds of history in the database, as rows and as counted by minutes and hours; and
+/// the events.
 async fn rows(data: &Path) -> (i64, i64, i64, i64) {
     let mut database = sqlx::sqlite::SqliteConnectOptions::new()
         .filename(data.join("fleetcal.db"))
@@ -185,7 +186,7 @@ async fn history_on_a_full_disk_is_written_or_counted() {
     assert_eq!((seconds, in_minutes, in_hours), (written, written, written));
 }
 
-/// Registers robots until one is refused; gives those that were taken.
+/// Registers robots until one is refused; adds the accepted ones.
 fn register_until_refused(service: &Service, taken: &mut Vec<String>) {
     for _ in 0..2_000 {
         let id = format!("tugger_{}", taken.len());
@@ -198,7 +199,7 @@ fn register_until_refused(service: &Service, taken: &mut Vec<String>) {
     panic!("a full disk refused nothing");
 }
 
-/// The same until smaller writes find no room either.
+/// Registers robots until smaller writes find no room either.
 fn refuse_everything(service: &Service, taken: &mut Vec<String>) {
     wait_for("unreadiness", || {
         register_until_refused(service, taken);

@@ -6,11 +6,11 @@ use fleetcal_tests::service::{self, Service};
 use serde_json::json;
 use sqlx::{ConnectOptions, Connection};
 
-use crate::injected::{Faults, Robots, SYNC, can_inject, settle};
+use crate::durability::injected::{Faults, Robots, SYNC, can_inject, settle};
 
-/// A write is answered within this, whatever the database does.
+/// Time within which a write is answered, whatever the database does.
 const ANSWERED_WITHIN: Duration = Duration::from_secs(5);
-/// How long the database does not answer; `HANGS_FOR_S` asks for another time.
+/// Time for which the database does not answer; `HANGS_FOR_S` sets another time.
 const HANGS_FOR_S: u64 = 12;
 
 fn hangs_for() -> Duration {
@@ -18,7 +18,7 @@ fn hangs_for() -> Duration {
     Duration::from_secs(text.map_or(HANGS_FOR_S, |text| text.parse().unwrap()))
 }
 
-/// Writes until `end`; every answer comes in time, and the process is not blamed for it.
+/// Writes until `end`; every answer comes in time, and the process counts as healthy.
 fn write_until(service: &Service, robots: &mut Robots, end: Instant) {
     let (before, mut slowest) = (robots.refused(), Duration::ZERO);
     while service::now() < end {

@@ -9,24 +9,24 @@ use fleetcal_tests::service::{self, Service, wait_for};
 use serde_json::json;
 use tempfile::TempDir;
 
-use crate::trace;
+use crate::durability::trace;
 
-/// Writing has to work again so soon after the last fault.
+/// Time after the last fault within which writing has to work again.
 const RECOVERS_WITHIN: Duration = Duration::from_secs(5);
-/// What SQLite syncs with; which of the two depends on how it was built.
+/// System calls by which SQLite syncs; which of the two depends on its build.
 pub const SYNC: &str = "fsync,fdatasync";
-/// A disk that fails a few times does so for this long.
+/// Time for which a disk fails that fails a few times.
 const FAILS_FOR: Duration = Duration::from_millis(1_500);
 
-/// Faults that a running process meets, until this goes out of scope.
+/// Faults of a running process, until this goes out of scope.
 pub struct Faults {
     strace: Child,
     logs: TempDir,
 }
 
 impl Faults {
-    /// From now on strace does to a call what `fault` says: `error=EIO:when=2` makes the second one
-    /// of each thread fail.
+    /// Attaches strace, which from now on does to a call as `fault` specifies: `error=EIO:when=2`
+    /// makes the second one of each thread fail.
     pub fn begin(service: &Service, call: &str, fault: &str) -> Self {
         let logs = tempfile::tempdir().unwrap();
         let log = logs.path().join("strace.log");
@@ -53,12 +53,12 @@ impl Faults {
         String::from_utf8_lossy(&fs::read(path).unwrap()).into_owned()
     }
 
-    /// Calls that have failed so far.
+    /// Returns the number of failed calls so far.
     pub fn count(&self) -> usize {
         self.read("strace.log").matches("(INJECTED)").count()
     }
 
-    /// Ends them; gives how many there were.
+    /// Ends them; returns their number.
     pub fn end(mut self) -> usize {
         self.detach();
         self.count()
@@ -81,18 +81,18 @@ impl Drop for Faults {
     }
 }
 
-/// Registers robots and knows which of them were acknowledged.
+/// Registrations of robots, with those that were acknowledged.
 #[derive(Default)]
 pub struct Robots {
     tried: usize,
     acknowledged: Vec<String>,
-    /// Refused with the word that nothing was changed.
+    /// Robots refused with the report that nothing was changed.
     unchanged: Vec<String>,
     unknown: usize,
 }
 
 impl Robots {
-    /// Registers one more; whether that was acknowledged.
+    /// Registers one more; returns whether that was acknowledged.
     pub fn register(&mut self, service: &Service) -> bool {
         let id = format!("tugger_{}", self.tried);
         self.tried += 1;
@@ -126,18 +126,17 @@ impl Robots {
         began.elapsed()
     }
 
-    /// How many were acknowledged.
+    /// Returns the number of acknowledged ones.
     pub fn acknowledged(&self) -> usize {
         self.acknowledged.len()
     }
 
-    /// How many were not.
+    /// Returns the number of others.
     pub fn refused(&self) -> usize {
         self.unchanged.len() + self.unknown
     }
 
-    /// Checks that every acknowledged one is there, and none of which it was said that nothing was
-    /// changed.
+    /// Checks that every acknowledged one exists, and none that was reported as unchanged.
     pub fn check(&self, service: &Service) {
         for id in &self.acknowledged {
             assert_eq!(service.robot(id)["id"], id.as_str());
@@ -155,7 +154,7 @@ pub fn settle(service: &Service) {
     });
 }
 
-/// Whether faults can be injected here. Without strace the test says so, and fails where it must
+/// True if faults can be injected here. Without strace the test reports it, and fails where it must
 /// not be left out.
 pub fn can_inject() -> bool {
     let Some(missing) = trace::missing() else {
@@ -166,7 +165,7 @@ pub fn can_inject() -> bool {
     false
 }
 
-/// Writes while calls fail: until one has, or for a while.
+/// Writes while calls fail: until one has failed, or for a while.
 fn fail(
     service: &Service,
     robots: &mut Robots,

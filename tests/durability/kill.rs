@@ -8,25 +8,25 @@ use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use tempfile::TempDir;
 
-use crate::place::Place;
-use crate::said::Said;
-use crate::witness::Witness;
+use crate::durability::place::Place;
+use crate::durability::said::Said;
+use crate::durability::witness::Witness;
 
-/// Rounds that the suite takes; `KILL_ROUNDS` asks for another number.
+/// Rounds of the suite; `KILL_ROUNDS` sets another number.
 const ROUNDS: u64 = 300;
-/// Rounds that go on with the same database.
+/// Rounds that continue with the same database.
 const ROUNDS_OF_A_DATABASE: u64 = 15;
 
-/// A process is killed within this time after it has opened its database.
+/// Time after the opening of its database within which a process is killed.
 const KILLED_WITHIN: Duration = Duration::from_millis(60);
-/// The same on a server, where a decision takes several times as long.
+/// Time on a server, where a decision takes several times as long.
 const KILLED_WITHIN_ON_SERVER: Duration = Duration::from_millis(400);
 
-/// A database of its own: on a server where `FLEETCAL_TEST_POSTGRES` names one.
+/// Database of one test: on a server if `FLEETCAL_TEST_POSTGRES` names one.
 struct Database {
     address: String,
     killed_within: Duration,
-    /// Kept where something is wrong with it.
+    /// Folder, kept if there is a fault in it.
     folder: TempDir,
 }
 
@@ -59,7 +59,7 @@ fn decider(database: &str, seed: u64) -> Child {
         .unwrap()
 }
 
-/// Lets the process decide until it is killed at a random moment, and hears all that it said.
+/// Runs the process until it is killed at a random moment, and reads all its lines.
 fn one_round(database: &Database, seed: u64, witness: &mut Witness) {
     let mut random = StdRng::seed_from_u64(seed);
     let mut child = decider(&database.address, seed);

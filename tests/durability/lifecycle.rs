@@ -12,26 +12,26 @@ use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use tempfile::TempDir;
 
-use crate::seeds::campaign;
+use crate::durability::seeds::campaign;
 
-/// Rounds that the suite takes of each; `HARDENING_N` asks for another number.
+/// Rounds of each in the suite; `HARDENING_N` sets another number.
 const ROUNDS: u64 = 3;
-/// A service that is told to stop has ended within this.
+/// Time within which a stopped service has ended.
 const STOPS_WITHIN: Duration = Duration::from_secs(5);
-/// Longest that a first start takes on a busy machine before it is killed, ms.
+/// Longest duration of a first start on a busy machine before it is killed, ms.
 const FIRST_START_MS: u64 = 400;
-/// Robots that drive meanwhile, and for how long, s.
+/// Robots that drive meanwhile, and the duration, s.
 const ROBOTS: usize = 10;
 const DRIVE_S: u64 = 20;
 
-/// Robots that drive, in a process of their own.
+/// Driving robots, in a process of their own.
 pub struct Fleet {
     child: Child,
     _folder: TempDir,
 }
 
 impl Fleet {
-    /// `robot_01` and so on, as many as `robots`.
+    /// Starts `robot_01` and so on, as many as `robots`.
     pub fn drives(service: &Service, robots: usize, seconds: u64) -> Self {
         let folder = TempDir::new().unwrap();
         let path = folder.path().join("robot.mcap");
@@ -80,7 +80,7 @@ pub fn received(service: &Service) -> u64 {
     counters["received"].as_u64().unwrap()
 }
 
-/// Every migration is run when a database is made; wherever it is killed, the next start goes on.
+/// Checks that after a kill in any migration of a new database, the next start continues.
 #[test]
 fn a_service_killed_in_its_migrations_starts_again() {
     campaign("migrations", ROUNDS, |seed| {

@@ -5,22 +5,22 @@ use std::path::{Path, PathBuf};
 
 use fleetcal_tests::service::{Service, wait_for};
 
-use crate::lifecycle::{Fleet, received};
+use crate::durability::lifecycle::{Fleet, received};
 
 const MEMORY_BYTES: u64 = 256 << 20;
-/// Nominal load, and for how long, s.
+/// Robots of the nominal load, and its duration, s.
 const ROBOTS: usize = 50;
 const DRIVE_S: u64 = 60;
 
 /// A control group with a limit of memory, removed with the test.
 struct Limited {
     group: PathBuf,
-    /// Where this process was before.
+    /// Former group of this process.
     home: PathBuf,
 }
 
 impl Limited {
-    /// A group of version 1 or 2, whichever the machine has.
+    /// Makes a group of version 1 or 2, whichever the machine has.
     fn new() -> Self {
         let of_first = Path::new("/sys/fs/cgroup/memory");
         let (root, limit, controller) = if of_first.is_dir() {
@@ -50,7 +50,7 @@ impl Limited {
         fs::write(group.join("cgroup.procs"), std::process::id().to_string()).unwrap();
     }
 
-    /// What `make` starts belongs to the group, and this process does not.
+    /// Runs `make` so that the processes it starts belong to the group, and this process does not.
     fn inside<T>(&self, make: impl FnOnce() -> T) -> T {
         Self::enter(&self.group);
         let made = make();

@@ -7,7 +7,7 @@ use fleetcal_postgres::PostgresSetup;
 use fleetcal_sqlite::Outlives;
 use fleetcal_store::{Store, StoreError};
 
-/// Where a database is.
+/// Place of a database.
 #[derive(Debug, Clone)]
 pub enum Place {
     Folder(PathBuf),
@@ -15,7 +15,7 @@ pub enum Place {
 }
 
 impl Place {
-    /// The one of an address: the URL of a PostgreSQL, or a folder.
+    /// Returns the place of an address: the URL of a PostgreSQL, or a folder.
     pub fn of(address: &str) -> Self {
         match address.parse() {
             Ok(url) => Self::Server(PostgresSetup {
@@ -26,8 +26,8 @@ impl Place {
         }
     }
 
-    /// Opens the store as the service does. `outlives` is of a folder: a PostgreSQL has settings of
-    /// its own.
+    /// Opens the store as the service does. `outlives` applies to a folder: a PostgreSQL has
+    /// settings of its own.
     pub async fn open(&self, clock: SharedClock, outlives: Outlives) -> Result<Store, StoreError> {
         match self {
             Self::Folder(folder) => fleetcal_sqlite::open_with(folder, clock, outlives).await,

@@ -6,20 +6,20 @@ use std::path::{Path, PathBuf};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
-use crate::disk::Disk;
-use crate::place::Place;
-use crate::said::Said;
-use crate::trace::{self, Event};
-use crate::witness::{Fault, Witness};
+use crate::durability::disk::Disk;
+use crate::durability::place::Place;
+use crate::durability::said::Said;
+use crate::durability::trace::{self, Event};
+use crate::durability::witness::{Fault, Witness};
 
-/// Disks that are looked at with the settings of the service.
+/// Disks that are examined with the settings of the service.
 const IMAGES: usize = 2_000;
-/// Disks that are looked at with settings that outlive the process alone.
+/// Disks that are examined with settings that survive the process alone.
 const IMAGES_UNSAFE: usize = 200;
-/// Decisions of a recording; the log is folded into the database more than once meanwhile.
+/// Decisions of a recording; the log is checkpointed into the database more than once meanwhile.
 const DECISIONS: &str = "120";
 
-/// What the images of one recording showed.
+/// Results of the images of one recording.
 #[derive(Debug, Default)]
 struct Found {
     images: usize,
@@ -28,7 +28,7 @@ struct Found {
     other: Vec<String>,
 }
 
-/// Where images are made: in memory, as their own durability is of no interest.
+/// Returns the folder of images: in memory, as their own durability is irrelevant.
 fn images_in() -> PathBuf {
     let memory = Path::new("/dev/shm");
     if memory.is_dir() {
@@ -84,7 +84,7 @@ async fn lose_power_often(outlives: &str, images: usize, seed: u64) -> Found {
     found
 }
 
-/// Whether this machine can record. Without strace the test says so, and fails where it must not
+/// True if this machine can record. Without strace the test reports it, and fails where it must not
 /// be left out.
 fn can_record() -> bool {
     let Some(missing) = trace::missing() else {
@@ -118,7 +118,8 @@ async fn power_loss_takes_no_acknowledged_approval() {
     assert_eq!(found.lost, 0, "POWER_SEED={seed}");
 }
 
-/// The test above can fail: without the sync of each commit the same images lose approvals.
+/// Shows that the test above can fail: without the sync of each commit the same images lose
+/// approvals.
 #[tokio::test]
 async fn without_the_sync_of_each_commit_power_loss_takes_approvals() {
     if !can_record() {

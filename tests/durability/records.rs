@@ -8,8 +8,8 @@ use sqlx::postgres::{PgConnection, PgRow};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteRow};
 use sqlx::{Connection, Row as _};
 
-use crate::place::Place;
-use crate::said::Row;
+use crate::durability::place::Place;
+use crate::durability::said::Row;
 
 /// A row of the audit with the record before.
 #[derive(Debug, Clone)]
@@ -18,10 +18,10 @@ pub struct Audited {
     pub row: Row,
 }
 
-/// Everything that there is of the life cycle.
+/// All records of the life cycle.
 #[derive(Debug)]
 pub struct Records {
-    /// What `PRAGMA integrity_check` and `PRAGMA foreign_key_check` complain about.
+    /// Complaints of `PRAGMA integrity_check` and `PRAGMA foreign_key_check`.
     pub complaints: Vec<String>,
     /// The audit by robot, oldest first.
     pub audit: BTreeMap<String, Vec<Audited>>,
@@ -31,7 +31,7 @@ pub struct Records {
     pub envelopes: BTreeMap<(String, u64), Envelope>,
     /// Revisions' hashes by number.
     pub revisions: BTreeMap<u64, String>,
-    /// What waits to be sent: generations by robot and kind.
+    /// Outbox: generations by robot and kind.
     pub outbox: BTreeMap<(String, String), u64>,
     /// Entries of the robots' histories by robot and kind.
     pub events: BTreeMap<(String, String), usize>,
@@ -56,10 +56,10 @@ pub async fn read(place: &Place) -> Result<Records, sqlx::Error> {
     Ok(records)
 }
 
-/// A row, every column as text.
+/// A row with every column as text.
 type Texts = Vec<Option<String>>;
 
-/// A connection past the store.
+/// A connection that bypasses the store.
 enum Reader {
     Sqlite(SqliteConnection),
     Postgres(PgConnection),
@@ -86,7 +86,7 @@ impl Reader {
         }
     }
 
-    /// The rows of a query, of which every column is a text.
+    /// Returns the rows of a query with text columns only.
     async fn texts(&mut self, sql: &'static str) -> Result<Vec<Texts>, sqlx::Error> {
         match self {
             Self::Sqlite(connection) => {
@@ -107,7 +107,7 @@ fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|error| Value::String(format!("{error}: {text}")))
 }
 
-/// A column that is never NULL.
+/// Removes and returns a column that is never NULL.
 fn text(row: &mut Texts, index: usize) -> String {
     row[index].take().unwrap()
 }
@@ -131,7 +131,7 @@ async fn complaints(reader: &mut Reader) -> Result<Vec<String>, sqlx::Error> {
     Ok(found)
 }
 
-/// The audit of the life cycle: the deciding process registers its robots, too.
+/// Reads the audit of the life cycle: the deciding process registers its robots, too.
 async fn audit(reader: &mut Reader) -> Result<BTreeMap<String, Vec<Audited>>, sqlx::Error> {
     let mut found: BTreeMap<String, Vec<Audited>> = BTreeMap::new();
     let sql = "SELECT robot, action, subject, subject_id, before, after FROM audit

@@ -3,47 +3,47 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// A line.
+/// Line of the deciding process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Said {
     /// The store is open.
     Opened,
-    /// This is about to be decided: it may or may not be there after a kill.
+    /// A decision is about to be made: it may or may not be stored after a kill.
     Tries(Effect),
-    /// It is committed: it must be there whatever happens now.
+    /// A committed decision: it must be stored whatever happens now.
     Done(Effect),
-    /// It was refused: nothing of it may be there.
+    /// A refused decision: nothing of it may be stored.
     Refused {
-        /// Whose records.
+        /// The robot.
         robot: String,
     },
     /// The store is closed.
     Closed,
 }
 
-/// What a decision does to one robot's records.
+/// Effect of a decision on one robot's records.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Effect {
-    /// Whose records.
+    /// The robot.
     pub robot: String,
     /// The audit's rows, in order.
     pub rows: Vec<Row>,
-    /// What is to be sent: kind and generation.
+    /// Outbox messages: kind and generation.
     pub outbox: Vec<(String, u64)>,
-    /// What was sent.
+    /// Message that was sent.
     pub sent: Option<(String, u64)>,
 }
 
 /// A row of the audit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// What was done.
+    /// The action.
     pub action: String,
-    /// To what kind of record.
+    /// Kind of the record.
     pub subject: String,
-    /// To which one; a guess before it is done.
+    /// Number of the record; a guess before the decision.
     pub subject_id: String,
-    /// The record afterwards; a guess before it is done.
+    /// The record afterwards; a guess before the decision.
     pub after: Value,
 }

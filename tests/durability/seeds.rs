@@ -5,9 +5,9 @@ use std::fs::{self, OpenOptions};
 use std::io::Write;
 use std::path::PathBuf;
 
-/// Runs `round` for the seeds 1 to N that have not passed yet, and says how many have in all.
-/// `HARDENING_N` is N, else `rounds`; `HARDENING_SEEDS` is the folder of the files, else every seed
-/// is run.
+/// Runs `round` for the seeds 1 to N that have not passed yet, and prints the number of all that
+/// have. `HARDENING_N` is N, else `rounds`; `HARDENING_SEEDS` is the folder of the files; without
+/// it every seed is run.
 pub fn campaign(name: &str, rounds: u64, mut round: impl FnMut(u64)) {
     let asked = std::env::var("HARDENING_N").ok();
     let rounds = asked.map_or(rounds, |text| text.parse().unwrap());

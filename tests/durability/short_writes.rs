@@ -5,9 +5,9 @@ use std::process::Command;
 
 use fleetcal_tests::service::Service;
 
-use crate::injected::{Robots, settle};
+use crate::durability::injected::{Robots, settle};
 
-/// Robots that are registered.
+/// Registered robots.
 const ROBOTS: usize = 15;
 
 #[test]

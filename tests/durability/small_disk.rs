@@ -14,7 +14,7 @@ pub struct SmallDisk {
 }
 
 impl SmallDisk {
-    /// Mounts one of `mebibytes`. Where that is not allowed, says so in one line and gives `None`.
+    /// Mounts one of `mebibytes`. Where that is not allowed, prints one line and returns `None`.
     pub fn mount(mebibytes: u32) -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
         let mounted = Command::new("mount")
@@ -32,7 +32,7 @@ impl SmallDisk {
         None
     }
 
-    /// A folder for data on it, which need not be there.
+    /// Returns a folder for data on it, which need not exist.
     pub fn data(&self) -> PathBuf {
         self.folder.path().join("data")
     }
@@ -41,7 +41,7 @@ impl SmallDisk {
         self.folder.path().join("ballast")
     }
 
-    /// Takes all the space that is left.
+    /// Fills all remaining space.
     pub fn fill(&self) {
         let mut ballast = File::create(self.ballast()).unwrap();
         for piece in [64 * 1024, 4 * 1024, 1] {
@@ -49,12 +49,12 @@ impl SmallDisk {
         }
     }
 
-    /// Gives that space back.
+    /// Frees that space.
     pub fn empty(&self) {
         fs::remove_file(self.ballast()).unwrap();
     }
 
-    /// Where it is.
+    /// Returns its path.
     pub fn path(&self) -> &Path {
         self.folder.path()
     }

@@ -10,19 +10,20 @@ use fleetcal_tests::http;
 use fleetcal_tests::service::{self, Service, wait_for};
 use sqlx::Connection;
 
-use crate::hanging::locked;
-use crate::injected::{Robots, can_inject, settle};
+use crate::durability::hanging::locked;
+use crate::durability::injected::{Robots, can_inject, settle};
 
-/// A writer is stuck after a minute; it is looked at every few seconds.
+/// Time within which a stuck writer is reported: it counts as stuck after a minute, and is checked
+/// every few seconds.
 const STUCK_WITHIN: Duration = Duration::from_secs(85);
-/// Before that, nobody may say so.
+/// Time before which it may not be reported.
 const NOT_BEFORE: Duration = Duration::from_secs(55);
-/// How long the database is locked: longer than a writer may be stuck.
+/// Time for which the database is locked: longer than a writer may be stuck.
 const LOCKED_FOR: Duration = Duration::from_secs(90);
-/// The name of the threads in which SQLite works, as the system cuts it.
+/// Name of the threads in which SQLite works, as the system truncates it.
 const THREAD: &str = "sqlx-sqlite-wor";
 
-/// Threads that stand still, until this goes out of scope: each waits before it next sleeps or is
+/// Threads that are frozen until this goes out of scope: each waits before it next sleeps or is
 /// woken. None of them holds a lock of the database.
 struct Frozen(Vec<Child>);
 

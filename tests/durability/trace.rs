@@ -6,10 +6,10 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// What a process did, in order.
+/// An action of a process.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
-    /// A file came to be.
+    /// A file was created.
     Create { file: String },
     /// Bytes were written.
     Write {
@@ -17,15 +17,15 @@ pub enum Event {
         offset: usize,
         bytes: Vec<u8>,
     },
-    /// A file was given a length.
+    /// A file was truncated or extended.
     Truncate { file: String, length: usize },
-    /// Everything that had been done to the file before event `begun` is on the disk.
+    /// All changes of the file before event `begun` are on the disk.
     Sync { file: String, begun: usize },
-    /// The same of the folder's entries.
+    /// All changes of the folder's entries before event `begun` are on the disk.
     SyncFolder { begun: usize },
-    /// A file went.
+    /// A file was removed.
     Unlink { file: String },
-    /// A file got another name.
+    /// A file was renamed.
     Rename { from: String, to: String },
     /// Bytes were printed.
     Print(Vec<u8>),
@@ -34,7 +34,7 @@ pub enum Event {
 const CALLS: &str = "trace=openat,pwrite64,write,pwritev,writev,fsync,fdatasync,ftruncate,\
     ?unlink,unlinkat,?rename,?renameat,renameat2,fallocate,?sync_file_range";
 
-/// What keeps this machine from recording, in one sentence.
+/// Returns the reason for which this machine cannot record, in one sentence.
 pub fn missing() -> Option<String> {
     let tried = Command::new("strace")
         .args(["-f", "-o", "/dev/null", "true"])
@@ -51,7 +51,7 @@ pub fn missing() -> Option<String> {
     }
 }
 
-/// Runs a command and gives what it did to `folder` and what it printed.
+/// Runs a command and returns its actions on `folder` and its output.
 pub fn record(program: &str, arguments: &[&str], folder: &Path) -> Vec<Event> {
     let logs = tempfile::tempdir().unwrap();
     let log = logs.path().join("strace.log");
@@ -85,7 +85,7 @@ pub fn record(program: &str, arguments: &[&str], folder: &Path) -> Vec<Event> {
 struct Reader {
     folder: String,
     events: Vec<Event>,
-    /// Calls that have begun and not ended, by thread: their text, and the events before them.
+    /// Calls in progress, by thread: their text, and the number of events before them.
     begun: HashMap<String, (String, usize)>,
     known: Vec<String>,
 }
@@ -120,7 +120,7 @@ impl Reader {
         self.take(rest, at);
     }
 
-    /// Takes a call that has ended and began after `begun` events.
+    /// Handles a call that has ended and began after `begun` events.
     fn take(&mut self, call: &str, begun: usize) {
         let Some((head, result)) = call.rsplit_once(" = ") else {
             return;
@@ -177,7 +177,7 @@ impl Reader {
         }
     }
 
-    /// A call on an open file of the folder, or on the folder.
+    /// Handles a call on an open file of the folder, or on the folder.
     fn written(&mut self, name: &str, words: &[&str], result: &str, begun: usize) {
         let Some((_, path)) = words[0].split_once('<') else {
             return;
@@ -216,7 +216,8 @@ impl Reader {
         });
     }
 
-    /// The name of a file of the folder. The index of the log is no data: it is made again.
+    /// Returns the name of a file of the folder. The index of the log is not data: it is made
+    /// again.
     fn inside(&self, path: &str) -> Option<String> {
         let name = path.strip_prefix(&self.folder)?.strip_prefix('/')?;
         let is_data = !name.ends_with("-shm") && !name.ends_with(" (deleted)");
@@ -224,7 +225,7 @@ impl Reader {
     }
 }
 
-/// A string as strace prints it with `-xx`.
+/// Parses a string in strace's form with `-xx`.
 fn bytes_of(word: &str) -> Vec<u8> {
     let digits = word.trim_start_matches('"').split('"').next().unwrap();
     let bytes = digits.split("\\x").skip(1);

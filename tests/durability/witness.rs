@@ -8,24 +8,24 @@ use fleetcal_proto::signing::{SigningKey, TrustedKeys};
 use fleetcal_sqlite::Outlives;
 use serde_json::Value;
 
-use crate::place::Place;
-use crate::records::{self, Audited, Records};
-use crate::said::{Effect, Row, Said};
+use crate::durability::place::Place;
+use crate::durability::records::{self, Audited, Records};
+use crate::durability::said::{Effect, Row, Said};
 
-/// What is wrong with a database.
+/// Fault of a database.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Fault {
-    /// An acknowledged decision is not there.
+    /// An acknowledged decision is missing.
     Lost(String),
-    /// A decision is there in part.
+    /// A decision is stored in part.
     Half(String),
-    /// It cannot be opened, or is no sound database.
+    /// The database cannot be opened, or is not sound.
     Damaged(String),
-    /// Records speak against each other.
+    /// Records contradict each other.
     Disagrees(String),
 }
 
-/// What has been heard.
+/// Witness of all acknowledged decisions.
 #[derive(Debug, Clone, Default)]
 pub struct Witness {
     done: BTreeMap<String, Vec<Row>>,
@@ -33,12 +33,12 @@ pub struct Witness {
     in_flight: BTreeMap<String, Effect>,
     /// Decisions that were acknowledged.
     pub acknowledged: usize,
-    /// Decisions of which nobody knew, and that are there.
+    /// Stored decisions without an acknowledgement.
     pub unheard: usize,
 }
 
 impl Witness {
-    /// Takes a line.
+    /// Records a line.
     pub fn hear(&mut self, said: Said) {
         match said {
             Said::Tries(effect) => {
@@ -63,7 +63,7 @@ impl Witness {
     /// Opens a database as the service does, and compares all of it.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The fault.
     pub async fn check(&self, place: &Place) -> Result<Records, Fault> {
         let damaged = |error: &dyn std::error::Error| {
             Fault::Damaged(format!(
@@ -93,7 +93,7 @@ impl Witness {
         Ok(records)
     }
 
-    /// Goes on from what a database holds: what was under way is decided now.
+    /// Continues from the content of a database: decisions in progress are settled now.
     pub fn settle(&mut self, records: &Records) {
         self.unheard += self
             .in_flight
@@ -115,7 +115,8 @@ impl Witness {
         found > heard
     }
 
-    /// Every acknowledged row is there, and behind them all of what was under way or nothing.
+    /// Checks that every acknowledged row is stored, followed by all rows of the decision in
+    /// progress or none.
     fn nothing_is_lost(&self, records: &Records) -> Result<(), Fault> {
         for (robot, heard) in &self.done {
             let found = records.audit.get(robot).map_or(&[][..], Vec::as_slice);
@@ -151,7 +152,7 @@ impl Witness {
         Ok(())
     }
 
-    /// What has to be sent waits, and nothing else does.
+    /// Checks that exactly the messages to be sent are in the outbox.
     fn outbox_is_right(&self, records: &Records) -> Result<(), Fault> {
         let mut sure = self.outbox.clone();
         let mut unsure = Vec::new();
@@ -187,7 +188,7 @@ impl Witness {
     }
 }
 
-/// What a decision does to the outbox.
+/// Applies a decision to the outbox.
 fn send(outbox: &mut BTreeMap<(String, String), u64>, effect: &Effect) {
     let of = |kind: &str| (effect.robot.clone(), kind.to_owned());
     if let Some((kind, generation)) = &effect.sent
@@ -200,7 +201,7 @@ fn send(outbox: &mut BTreeMap<(String, String), u64>, effect: &Effect) {
     }
 }
 
-/// Replaying the audit gives the records, and the robots' histories tell the same.
+/// Checks that replaying the audit yields the records, and that the robots' histories agree.
 fn audit_agrees(records: &Records) -> Result<(), Fault> {
     let mut replayed: BTreeMap<(String, String), Value> = BTreeMap::new();
     let mut events: BTreeMap<(String, String), usize> = BTreeMap::new();
@@ -244,7 +245,8 @@ fn audit_agrees(records: &Records) -> Result<(), Fault> {
     Ok(())
 }
 
-/// One live deployment a robot, one for each approved proposal, each with its signed document.
+/// Checks for one live deployment a robot, one for each approved proposal, each with its signed
+/// document.
 fn deployments_agree(records: &Records) -> Result<(), Fault> {
     let key = SigningKey::from_bytes(&[7; 32]).public_key();
     let trusted = TrustedKeys::new(vec![key]).map_err(|error| Fault::Damaged(error.to_string()))?;

@@ -30,9 +30,10 @@ fn every_figure_is_what_it_has_to_be() {
     assert!(short.is_empty(), "falls short: {short:#?}");
 }
 
-/// Robots, and seed, of `fleetcal demo`.
+/// Robots and seed of `fleetcal demo`.
 const DEMO: (usize, u64) = (6, 1);
-/// A calibration is proposed when it has been known for ten seconds; people wait two minutes at most.
+/// Time within which the demo's calibrations are known, s: a calibration is proposed ten seconds
+/// later, and people wait two minutes at most.
 const DEMO_KNOWN_S: f64 = 100.0;
 
 fn as_registered(robot: SimulatedRobot) -> Robot {

@@ -13,20 +13,27 @@ use tokio_util::sync::CancellationToken;
 
 use super::sockets::{Held, files};
 
-/// Connections of each kind, and the addresses that they come from.
+/// Idle connections.
 const IDLE: usize = 1_000;
+/// Connections with an unfinished header.
 const UNFINISHED: usize = 1_000;
+/// Connections that never read.
 const NEVER_READING: usize = 600;
+/// Addresses that the connections come from.
 const ADDRESSES: usize = 250;
-/// What is asked of the probes, of each connection, and of the files.
+/// Bound of the probes' 99th percentile.
 const PROBE_P99: Duration = Duration::from_millis(250);
+/// Time within which the service closes each connection.
 const GONE_WITHIN: Duration = Duration::from_secs(15);
+/// Files that may remain open beyond those before the flood.
 const FILES_BEYOND_BASELINE: usize = 2;
-/// How long the flood lasts unless the environment says otherwise.
+/// Default duration of the flood, s.
 const FLOOD_S: u64 = 20;
-/// Pauses: between two probes of a kind, two looks at the sockets, and before a connection is opened again.
+/// Pause between two probes of a kind.
 const PROBE_EVERY: Duration = Duration::from_millis(50);
+/// Pause between two looks at the sockets.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
+/// Pause before a connection is reopened.
 const REOPEN_AFTER: Duration = Duration::from_millis(20);
 
 #[derive(Clone, Copy)]
@@ -36,10 +43,10 @@ enum Kind {
     NeverReading,
 }
 
-/// What the attackers share.
+/// State that the attackers share.
 struct Flood {
     service: SocketAddr,
-    /// A public file of some 300 kB.
+    /// Path of a public file of some 300 kB.
     asset: String,
     held: Mutex<Held>,
     opened: Mutex<u64>,
@@ -47,7 +54,7 @@ struct Flood {
 }
 
 impl Flood {
-    /// Keeps one connection of a kind open, whatever becomes of it, until the flood is over.
+    /// Keeps one connection of a kind open, reopening it as necessary, until the flood is over.
     async fn keep(self: Arc<Self>, kind: Kind, number: usize) {
         while !self.stop.is_cancelled() {
             if let Some(socket) = self.open(number).await {
@@ -105,7 +112,7 @@ impl Flood {
     }
 }
 
-/// How long each answer of a probe took, and how many there were that were none.
+/// Latency of each answer to a probe, and number of missing answers.
 #[derive(Debug, Default)]
 struct Probed {
     took: Vec<Duration>,
@@ -121,8 +128,8 @@ impl Probed {
     }
 }
 
-/// A server that answers anything at once, on a thread of its own: what it takes to be answered there
-/// is the machine's own delay, which a flood shares with all else that runs.
+/// Starts a server that answers anything at once, on a thread of its own: its latency is the
+/// machine's own delay, which a flood shares with everything else that runs.
 fn control() -> SocketAddr {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
@@ -138,7 +145,7 @@ fn control() -> SocketAddr {
     address
 }
 
-/// Asks for `path` on a connection of its own, again and again.
+/// Requests `path` on a connection of its own, again and again.
 async fn probe(service: SocketAddr, path: &'static str, stop: CancellationToken) -> Probed {
     let mut probed = Probed::default();
     while !stop.is_cancelled() {
@@ -225,14 +232,14 @@ fn runtime() -> tokio::runtime::Runtime {
     builder.worker_threads(1).enable_all().build().unwrap()
 }
 
-/// Files of a service that has answered and waits.
+/// Counts the files of a service that has answered and waits.
 fn wait_for_calm(service: &Service) -> usize {
     assert_eq!(service.status("/readyz", None), 200);
     std::thread::sleep(Duration::from_secs(1));
     files(service.pid())
 }
 
-/// Looks at the service's sockets until the flood is over.
+/// Watches the service's sockets until the flood is over.
 fn watch(flood: Arc<Flood>) -> std::thread::JoinHandle<()> {
     std::thread::spawn(move || {
         while !flood.stop.is_cancelled() {

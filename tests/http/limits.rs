@@ -7,7 +7,8 @@ use std::time::Duration;
 use fleetcal_tests::http;
 use fleetcal_tests::service::{Service, wait_for};
 
-/// Sends a request's header as it is; gives the status of the answer, on a connection that stays.
+/// Sends a request's header unchanged; returns the status of the answer, on a connection that
+/// stays.
 fn send(service: &Service, head: &str) -> (u16, TcpStream) {
     let mut socket = TcpStream::connect(service.http()).unwrap();
     socket
@@ -20,7 +21,7 @@ fn send(service: &Service, head: &str) -> (u16, TcpStream) {
     (text[9..].parse().unwrap(), socket)
 }
 
-/// How often a reason turned something away.
+/// Returns the number of refusals for a reason.
 fn turned_away(service: &Service, reason: &str) -> u64 {
     let metrics = service.page("/metrics");
     let name = format!("fleetcal_http_turned_away_total{{reason=\"{reason}\"}} ");
@@ -28,7 +29,7 @@ fn turned_away(service: &Service, reason: &str) -> u64 {
     line.unwrap().parse().unwrap()
 }
 
-/// Opens an event stream as somebody, from a client that a proxy on this machine speaks for.
+/// Opens an event stream with a token, from a client that a proxy on this machine names.
 fn listen(service: &Service, token: &str, client: &str) -> (u16, TcpStream) {
     let head = format!(
         "GET /api/v1/stream HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer {token}\r\n\
@@ -185,7 +186,7 @@ fn reasons_are_named_truthfully() {
     drop((idle, slow));
 }
 
-/// Whether the service has closed a connection on which nothing was said.
+/// True if the service has closed a silent connection.
 fn is_closed(socket: &TcpStream) -> bool {
     socket.set_nonblocking(true).unwrap();
     match socket.peek(&mut [0]) {

@@ -12,30 +12,33 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpSocket;
 use tokio_util::sync::CancellationToken;
 
-/// Addresses that the flood comes from.
+/// Addresses of the flood.
 const ADDRESSES: usize = 250;
-/// Checks at once, and what they may cost: growth of resident memory, and how long it lasts.
+/// Checks at once.
 const CHECKS: usize = 2_000;
+/// Largest growth of resident memory by the checks, bytes.
 const GROWTH_MAX: u64 = 48 << 20;
-/// The same where PostgreSQL's answers are read beside them.
+/// Growth limit where PostgreSQL's answers are read beside them.
 const GROWTH_POSTGRES_MAX: u64 = 56 << 20;
+/// Longest duration of the growth.
 const LASTS_MAX: Duration = Duration::from_secs(30);
-/// A hash takes 19 MiB: when the checks cost less than this, the measurement sees nothing.
+/// Growth below which the measurement sees nothing: a hash takes 19 MiB.
 const GROWTH_MIN: u64 = 15 << 20;
-/// What may stay of either flood.
+/// Largest growth that may remain after either flood.
 const STAYS_MAX: u64 = 4 << 20;
-/// The allocator has given memory back.
+/// Time after which the allocator has returned memory.
 const GIVEN_BACK_AFTER: Duration = Duration::from_secs(3);
-/// Whoever is turned away comes back after this.
+/// Wait after which a refused client retries.
 const COME_BACK_AFTER: Duration = Duration::from_millis(20);
-/// Right passwords amid the flood, and how long each may take.
+/// Correct passwords amid the flood.
 const RIGHT_TRIES: usize = 20;
+/// Time limit of each correct password.
 const RIGHT_WITHIN: Duration = Duration::from_secs(5);
 
 const NAME: &str = "ana";
 const PASSWORD: &str = "correct horse battery";
 
-/// Tries to sign in from an address of 127.0.0.0/8; gives the status.
+/// Attempts to sign in from an address of 127.0.0.0/8; returns the status.
 async fn sign_in(service: SocketAddr, from: [u8; 4], name: &str, password: &str) -> Option<u16> {
     let body = format!(r#"{{"name":"{name}","password":"{password}"}}"#);
     let request = format!(
@@ -46,7 +49,7 @@ async fn sign_in(service: SocketAddr, from: [u8; 4], name: &str, password: &str)
     ask(service, from, &request).await
 }
 
-/// Sends a request from an address of 127.0.0.0/8; gives the status.
+/// Sends a request from an address of 127.0.0.0/8; returns the status.
 async fn ask(service: SocketAddr, from: [u8; 4], request: &str) -> Option<u16> {
     let socket = TcpSocket::new_v4().ok()?;
     socket.bind(SocketAddr::from((from, 0))).ok()?;
@@ -110,15 +113,15 @@ async fn two_thousand_checks_at_once_take_little_memory_and_give_it_back() {
     }
 }
 
-/// What many checks at once have cost, in bytes of resident memory.
+/// Cost of many checks at once, in bytes of resident memory.
 #[derive(Debug)]
 struct Cost {
     growth: u64,
     stays: u64,
 }
 
-/// Checks [`CHECKS`] passwords at once, and waits until at most [`STAYS_MAX`] is left of what they took.
-/// Whoever is turned away comes back until there is an answer.
+/// Checks [`CHECKS`] passwords at once, and waits until at most [`STAYS_MAX`] is left of their
+/// memory. Refused clients retry until there is an answer.
 async fn check_many(service: &Service) -> Cost {
     let before = service.memory_bytes();
     let checks: Vec<_> = (0..CHECKS)
@@ -154,7 +157,7 @@ async fn check_many(service: &Service) -> Cost {
     }
 }
 
-/// The answer to a password, after as many connections as that takes.
+/// Returns the answer to a password, after as many connections as that takes.
 async fn answered(service: SocketAddr, number: usize) -> u16 {
     let name = format!("user{number}");
     loop {
@@ -198,7 +201,7 @@ async fn the_right_password_gets_in_amid_a_flood_of_wrong_ones() {
     }
 }
 
-/// Guesses until the flood is over; gives how often.
+/// Guesses until the flood is over; returns the number of guesses.
 async fn guess(service: SocketAddr, number: usize, stop: CancellationToken) -> usize {
     let wrong = Arc::new(format!("wrong wrong wrong {number}"));
     let mut guesses = 0;

@@ -7,11 +7,11 @@ use std::time::{Duration, Instant};
 
 use fleetcal_tests::service::now;
 
-/// A connection: the peer's address and port, and the inode of the service's socket. A peer may soon
-/// have a port again that it had before; an inode is another one's then.
+/// A connection: the peer's address and port, and the inode of the service's socket. A peer may
+/// soon reuse a port; the inode then differs.
 type Connection = (u32, u16, u64);
 
-/// Since when each connection of a service has been there.
+/// Start of each connection of a service.
 #[derive(Debug)]
 pub struct Held {
     port: u16,
@@ -21,7 +21,7 @@ pub struct Held {
 }
 
 impl Held {
-    /// Of a service that listens there.
+    /// Watches a service that listens there.
     pub fn by(service: SocketAddr) -> Self {
         Self {
             port: service.port(),
@@ -31,7 +31,7 @@ impl Held {
         }
     }
 
-    /// Looks: which connections are there, and how long each has been.
+    /// Looks at the present connections and their ages.
     pub fn look(&mut self) {
         let found = established(self.port);
         let at = now();
@@ -44,7 +44,7 @@ impl Held {
         self.most = self.most.max(found.len());
     }
 
-    /// Whether a peer's connection is there.
+    /// True if a peer's connection is there.
     pub fn has(&self, peer: SocketAddr) -> bool {
         match peer {
             SocketAddr::V4(peer) => {
@@ -56,19 +56,20 @@ impl Held {
         }
     }
 
-    /// The longest that any connection has been there.
+    /// Returns the longest age of any connection.
     pub fn longest(&self) -> Duration {
         self.longest
     }
 
-    /// The most connections at once.
+    /// Returns the most connections at once.
     pub fn most(&self) -> usize {
         self.most
     }
 }
 
-/// The established connections on a port that a process has accepted and not closed:
-/// proc(5) `net/tcp`. Those that wait to be accepted, or that the process has closed, have no inode.
+/// Returns the established connections on a port that a process has accepted and not closed:
+/// proc(5) `net/tcp`. Those that wait to be accepted, or that the process has closed, have no
+/// inode.
 fn established(port: u16) -> std::collections::BTreeSet<Connection> {
     let table = fs::read_to_string("/proc/net/tcp").unwrap();
     let end = |text: &str| {
@@ -86,7 +87,7 @@ fn established(port: u16) -> std::collections::BTreeSet<Connection> {
     rows.collect()
 }
 
-/// Files that a process has open.
+/// Counts the open files of a process.
 pub fn files(pid: u32) -> usize {
     fs::read_dir(format!("/proc/{pid}/fd")).unwrap().count()
 }

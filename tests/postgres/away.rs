@@ -9,19 +9,19 @@ use fleetcal_tests::{binary, database};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// As `fleetcal simulate` calls them.
+/// Names of `fleetcal simulate`'s robots.
 const ROBOTS: [&str; 3] = ["tugger_01", "tugger_02", "tugger_03"];
-/// How long the server is away.
+/// Absence of the server.
 const AWAY_FOR: Duration = Duration::from_secs(15);
-/// Decisions are refused within this time meanwhile.
+/// Time within which decisions are refused meanwhile.
 const REFUSED_WITHIN: Duration = Duration::from_secs(1);
-/// The one that the loss itself meets waits for it.
+/// Time within which the decision is refused that meets the loss itself.
 const FIRST_REFUSED_WITHIN: Duration = Duration::from_secs(4);
-/// After this time with the server decisions are taken, and telemetry is written.
+/// Time after the server's return within which decisions are taken, and telemetry is written.
 const AGAIN_WITHIN: Duration = Duration::from_secs(5);
-/// The number of a decision that is refused, and of one that is taken afterwards.
+/// Number of a decision that is refused, and taken afterwards.
 const REFUSED: u32 = 1_000;
-/// Scans that were worked through.
+/// Metric of the processed scans.
 const SCANS: &str = "fleetcal_estimator_scan_duration_seconds_count";
 
 /// Simulated robots, which stop with this value.
@@ -44,20 +44,20 @@ impl Drop for Robots {
     }
 }
 
-/// Where a decision is: a robot that is registered.
+/// Returns the path of a decision: a robot that is registered.
 fn path(number: u32) -> String {
     format!("/api/v1/robots/decided_{number}")
 }
 
-/// The answer to a decision: its status and problem.
+/// Returns the answer to a decision: its status and problem.
 fn decide(service: &Service, number: u32) -> (u16, String) {
     let config = serde_json::json!({"model": "bicycle", "wheelbase_m": 1.2});
     let answer = service.try_put(&path(number), &config).unwrap();
     (answer.status, answer.body)
 }
 
-/// Decides until the server's last processes have noticed that their postmaster is gone; gives how
-/// many decisions they acknowledged.
+/// Makes decisions until the server's last processes have noticed that their postmaster is gone;
+/// returns the number of decisions that they acknowledged.
 fn decided_until_gone(service: &Service) -> u32 {
     let killed = service::now();
     let mut number = 0;
@@ -79,7 +79,7 @@ fn decided_until_gone(service: &Service) -> u32 {
     }
 }
 
-/// The seconds of a robot's history, oldest first.
+/// Returns the seconds of a robot's history, oldest first.
 fn seconds_of(service: &Service, robot: &str) -> Option<Vec<String>> {
     let path = format!("/api/v1/robots/{robot}/history?parameter=lidar_x&max_points=5000");
     let times = service.try_get(&path)?["time"].as_array()?.clone();
@@ -87,7 +87,7 @@ fn seconds_of(service: &Service, robot: &str) -> Option<Vec<String>> {
     times.iter().map(text).collect()
 }
 
-/// Asserts what is seen of a service without its database, second after second.
+/// Asserts the behaviour of a service without its database, second after second.
 fn assert_goes_on(service: &Service) {
     let (gone, mut scans) = (service::now(), service.metric(SCANS));
     while gone.elapsed() < AWAY_FOR {
@@ -156,7 +156,7 @@ fn estimators_go_on_without_the_database_which_gets_their_seconds_afterwards() {
     assert_eq!(service.metric("fleetcal_store_lost_total"), 0);
 }
 
-/// Seconds since midnight of `2026-01-01T12:34:56Z`.
+/// Returns the seconds since midnight of `2026-01-01T12:34:56Z`.
 fn second(time: &str) -> i64 {
     let (_, clock) = time.split_once('T').unwrap();
     let mut parts = clock.split(|letter: char| !letter.is_ascii_digit());

@@ -53,7 +53,7 @@ fn tokens_and_users_are_made_beside_a_service_and_backups_elsewhere() {
     assert!(!file.exists());
 }
 
-/// A data folder with a robot in it.
+/// Makes a data folder with a robot in it.
 fn folder_with_a_robot() -> TempDir {
     let folder = TempDir::new().unwrap();
     let runtime = tokio::runtime::Runtime::new().unwrap();

@@ -9,9 +9,9 @@ use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_tests::binary;
 use tempfile::TempDir;
 
-/// Wrong flags or files.
+/// Exit status for wrong flags or files.
 const USAGE: i32 = 2;
-/// Reading, writing or connecting failed.
+/// Exit status for failed reading, writing or connecting.
 const IO: i32 = 74;
 
 /// Asserts that `fleetcal serve` ends with a status and one sentence, which names all of `named`.

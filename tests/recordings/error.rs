@@ -5,10 +5,10 @@ use fleetcal_estimator::lidar_odometry::OdometryPose;
 use fleetcal_estimator::{Pose2, RobotTime};
 use fleetcal_proto::ros::LaserScan;
 
-/// Stamps that differ by no more are of one moment, s.
+/// Largest difference of stamps of one moment, s.
 const SAME_S: f64 = 1e-3;
 
-/// Each odometry pose with the reference of its moment, where there is one. Both are in order.
+/// Pairs each odometry pose with the reference of its moment, if there is one. Both are in order.
 pub fn matched(
     poses: &[(&LaserScan, OdometryPose)],
     reference: &[(RobotTime, Pose2)],
@@ -31,8 +31,8 @@ pub fn matched(
     pairs
 }
 
-/// The median error of the motion over `lag` poses: of both coordinates together, m, and of the
-/// yaw, degrees.
+/// Returns the median error of the motion over `lag` poses: of both coordinates together, m, and of
+/// the yaw, degrees.
 pub fn median_over(pairs: &[(Pose2, Pose2)], lag: usize) -> (f64, f64) {
     let (mut metres, mut degrees) = (Vec::new(), Vec::new());
     for ((from, true_from), (to, true_to)) in pairs.iter().zip(pairs.iter().skip(lag)) {

@@ -1,4 +1,4 @@
-//! LiDAR odometry on the scans of two real vehicles. `estimator/benches/recordings.py` prints the
+//! LiDAR odometry on the scans of two real vehicles. `odometry/benches/recordings.py` prints the
 //! same figures.
 
 use fleetcal_estimator::lidar_odometry::{OdometryPose, Tracking};
@@ -18,8 +18,8 @@ fn lost(poses: &[(&LaserScan, OdometryPose)]) -> usize {
         .count()
 }
 
-/// A real vehicle in a yard for 223 s: its reflector poles stay where they are, from the first
-/// scan to the last.
+/// Checks a real vehicle in a yard for 223 s: its reflector poles stay in place from the first scan
+/// to the last.
 #[test]
 fn reflector_poles_stay_where_they_are() {
     let Some(path) = recording::named("unsw_ugv.mcap") else {
@@ -57,8 +57,8 @@ fn reflector_poles_stay_where_they_are() {
     assert!(scatter_m < 0.04, "{scatter_m} m");
 }
 
-/// A real robot in an office building for 17 minutes, four scans a second, against a grid SLAM's
-/// poses, whose own noise is part of the figures.
+/// Checks a real robot in an office building for 17 minutes, four scans a second, against a grid
+/// SLAM's poses, whose own noise is part of the figures.
 #[test]
 fn an_office_building_is_driven_through_on_one_map() {
     let Some(path) = recording::named("freiburg_079.mcap") else {

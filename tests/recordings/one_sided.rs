@@ -3,18 +3,18 @@
 use fleetcal_tests::{binary, recording};
 use tempfile::TempDir;
 
-use crate::recorded::Recorded;
+use crate::recordings::recorded::Recorded;
 
-/// How often what is claimed is looked at, ns.
+/// Interval at which claims are checked, ns.
 const EVERY_NS: u64 = 5_000_000_000;
-/// A claim may be off by so many of its sigmas.
+/// Largest error of a claim, in its sigmas.
 const SIGMAS: f64 = 4.0;
-/// What a tape measure and a fit of the whole recording say, and how far these may be off: m, rad.
+/// Values of a tape measure and of a fit of the whole recording, with their tolerances: m, rad.
 const REFERENCE: [(&str, f64, f64); 2] =
     [("lidar_y", -0.010, 0.005), ("lidar_yaw", -0.0077, 0.004)];
 
-/// A 1:10 car at 0.4 m/s that turns right for 142 s. Its offset, its speed scale and the LiDAR's y trade
-/// off.
+/// Checks a 1:10 car at 0.4 m/s that turns right for 142 s. Its offset, its speed scale and the
+/// LiDAR's y trade off.
 #[test]
 fn a_real_car_that_turns_right_claims_no_false_y_or_yaw() {
     let Some(path) = recording::named("dart_right.mcap") else {

@@ -7,21 +7,21 @@ use fleetcal_estimator::lidar_odometry::OdometryPose;
 use fleetcal_proto::ros::LaserScan;
 use nalgebra::Vector2;
 
-/// Returns beyond this range are none, m.
+/// Range beyond which returns are ignored, m.
 const RANGE_MAX_M: f32 = 30.0;
-/// A pole's returns lie this near to its middle, m.
+/// Largest distance of a pole's returns from its middle, m.
 const NEAR_M: f64 = 0.3;
-/// Two poles are at least this far apart, m.
+/// Least distance between two poles, m.
 const APART_M: f64 = 0.5;
-/// Cells in which the middles are looked for, m.
+/// Size of the cells for finding the middles, m.
 const CELL_M: f64 = 0.15;
 /// Length of the beginning and of the end of a drive, s.
 const END_S: f64 = 15.0;
 
-/// A return from a reflector: when, and where in the odometry frame.
+/// A return from a reflector: its time, and its position in the odometry frame.
 pub type Reflection = (RobotTime, Vector2<f64>);
 
-/// A pole as the whole drive saw it.
+/// A pole over the whole drive.
 #[derive(Debug)]
 pub struct Pole {
     /// Mean of its returns, m.
@@ -30,11 +30,11 @@ pub struct Pole {
     pub count: f64,
     /// Sum of their squared distances from the mean, m².
     pub sum_m2: f64,
-    /// From its mean over the first seconds to that over the last, m.
+    /// Distance from its mean over the first seconds to that over the last, m.
     pub moved_m: Option<f64>,
 }
 
-/// The returns of a scan with an intensity above 0.
+/// Returns the returns of a scan with an intensity above 0.
 pub fn reflections((scan, pose): &(&LaserScan, OdometryPose)) -> Vec<Reflection> {
     let beams = scan.ranges.iter().zip(scan.intensities.iter()).enumerate();
     let bright = beams.filter(|(_, (range, intensity))| **intensity > 0.0 && **range < RANGE_MAX_M);
@@ -49,7 +49,7 @@ pub fn reflections((scan, pose): &(&LaserScan, OdometryPose)) -> Vec<Reflection>
         .collect()
 }
 
-/// The `count` poles with the most returns.
+/// Finds the `count` poles with the most returns.
 pub fn find(reflections: &[Reflection], count: usize) -> Vec<Pole> {
     let mut rest = reflections.to_vec();
     let mut poles = Vec::new();
@@ -87,7 +87,7 @@ fn pole(near: &[Reflection], all: &[Reflection]) -> Pole {
     }
 }
 
-/// The middle of the returns around the cell that has most of them.
+/// Returns the middle of the returns around the cell with most of them.
 fn densest(reflections: &[Reflection]) -> Vector2<f64> {
     let mut cells: BTreeMap<(i64, i64), usize> = BTreeMap::new();
     for (_, point) in reflections {

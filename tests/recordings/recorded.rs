@@ -9,12 +9,12 @@ use std::path::Path;
 pub struct Recorded {
     messages: Vec<mcap::Message<'static>>,
     first_ns: u64,
-    /// From the first message to the last, ns.
+    /// Time from the first message to the last, ns.
     pub length_ns: u64,
 }
 
 impl Recorded {
-    /// Reads one.
+    /// Reads a recording.
     pub fn read(path: &Path) -> Self {
         let bytes = fs::read(path).unwrap();
         let messages: Vec<_> = mcap::MessageStream::new(&bytes)
@@ -30,7 +30,7 @@ impl Recorded {
         }
     }
 
-    /// Writes what was recorded in a stretch since the first message, ns, as a recording of its own.
+    /// Writes the messages of a stretch since the first message, ns, as a recording of its own.
     pub fn write(&self, path: &Path, stretch_ns: Range<u64>) {
         let mut writer = mcap::Writer::new(BufWriter::new(File::create(path).unwrap())).unwrap();
         for message in &self.messages {

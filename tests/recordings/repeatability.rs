@@ -6,16 +6,16 @@ use fleetcal_tests::{binary, recording};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::recorded::Recorded;
+use crate::recordings::recorded::Recorded;
 
 const FOUR: [&str; 4] = ["steering_offset", "lidar_x", "lidar_y", "lidar_yaw"];
-/// Blocks lie within so many of their sigmas of what they say together.
+/// Largest distance of blocks from their joint value, in their sigmas.
 const SIGMAS: f64 = 3.0;
-/// Largest mean square of these distances over the four parameters: 1 is expected. With sigmas as
-/// formal fits of this recording have them, four times too small, it would be 16.
+/// Largest mean square of these distances over the four parameters: 1 is expected. With the sigmas
+/// of formal fits of this recording, four times too small, it would be 16.
 const MEAN_SQUARE_MAX: f64 = 3.3;
 
-/// A recording in blocks of equal time, as recordings of their own.
+/// Splits a recording into blocks of equal time, as recordings of their own.
 fn blocks(path: &Path, count: u64, folder: &Path) -> Vec<PathBuf> {
     let recorded = Recorded::read(path);
     let length = recorded.length_ns / count + 1;
@@ -28,8 +28,8 @@ fn blocks(path: &Path, count: u64, folder: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-/// Chi-squared of what the blocks found of a parameter about their weighed mean, for each degree of
-/// freedom.
+/// Returns the chi-squared of the blocks' values of a parameter about their weighted mean, for each
+/// degree of freedom.
 fn apart(name: &str, reports: &[Value]) -> f64 {
     let found: Vec<_> = reports
         .iter()
@@ -49,7 +49,8 @@ fn apart(name: &str, reports: &[Value]) -> f64 {
     chi2
 }
 
-/// The one real recording that has drive data, in halves, thirds and quarters; a quarter is 9 m.
+/// Checks the one real recording that has drive data, in halves, thirds and quarters; a quarter is
+/// 9 m.
 #[test]
 fn blocks_of_a_real_drive_agree_within_what_they_claim() {
     let Some(path) = recording::named("sapienza_tricycle.mcap") else {

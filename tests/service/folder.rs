@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use fleetcal_tests::binary;
 use fleetcal_tests::service::{Service, free_port};
 
-/// Starts a service that is refused; gives what it says.
+/// Starts a service that is refused; returns its message.
 fn refused(data: &Path) -> String {
     let output = Command::new(binary::path())
         .args(["serve", "--http", "127.0.0.1:0", "--data"])
@@ -22,7 +22,7 @@ fn refused(data: &Path) -> String {
     said
 }
 
-/// A service that was killed; its data are there as the kill left them.
+/// Makes a service that was killed, with its data as the kill left them.
 fn killed() -> Service {
     let mut service = Service::start(&["tugger_01"]);
     service.kill();

@@ -76,7 +76,7 @@ def robots():
     assert isinstance(registered.parsed, RobotDocument)
     assert registered.parsed.config.model is VehicleModel.TRICYCLE
     assert registered.parsed.config.speed_measured_at.rear_wheel.lateral_m == 0.3
-    assert registered.parsed.state is RobotState.NO_DATA
+    assert registered.parsed.state is RobotState.NO_DATA, registered.parsed.state
     again = put_robot.sync(
         "tugger_02", client=client, body=config, if_none_match="*"
     )

@@ -11,12 +11,12 @@ use zenoh::qos::CongestionControl;
 
 use super::{assert_same, calibrated, recorded, send, sender};
 
-/// Largest payload that is thrown at the service, bytes.
+/// Largest payload that is sent to the service, bytes.
 const HUGE_BYTES: usize = 64 << 20;
-/// Memory that the service may hold more of afterwards, bytes.
+/// Largest growth of the service's memory afterwards, bytes.
 const MEMORY_GROWTH_MAX: u64 = 64 << 20;
 
-/// A robot's session, or that of somebody else who can reach the service.
+/// Opens a robot's session, or that of somebody else who can reach the service.
 pub(super) async fn client(service: &Service) -> zenoh::Session {
     let mut config = zenoh::Config::default();
     let settings = [
@@ -32,7 +32,7 @@ pub(super) async fn client(service: &Service) -> zenoh::Session {
     tokio::task::spawn_blocking(open).await.unwrap().unwrap()
 }
 
-/// Puts and waits for room: what is not taken was refused, not lost on the way.
+/// Puts a message and waits for room: a message that is missing was refused, not lost on the way.
 async fn put(session: &zenoh::Session, key: &str, payload: Vec<u8>) {
     session
         .put(key, payload)

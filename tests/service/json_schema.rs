@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use super::openapi::{python, quiet, run};
 use super::recorded;
 
-/// Validates a document, and expects a field that is missing to be found.
+/// Script that validates a document, and expects a missing field to be found.
 const VALIDATE: &str = "
 import json, sys, jsonschema
 schema, document = (json.load(open(path)) for path in sys.argv[1:])
@@ -29,7 +29,7 @@ fn published(command: &str) -> PathBuf {
 
 #[test]
 fn the_published_schemas_are_those_of_the_binary() {
-    for command in ["calibrate", "odometry"] {
+    for command in ["calibrate", "odometry", "doctor"] {
         let printed = binary::run_json(["schema", command]);
         let file: Value =
             serde_json::from_str(&fs::read_to_string(published(command)).unwrap()).unwrap();

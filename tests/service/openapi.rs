@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 use super::{recorded, send, sender};
 
-/// The Python with the packages of `tests/requirements.txt`.
+/// Returns the Python with the packages of `tests/requirements.txt`.
 pub(super) fn python() -> Option<OsString> {
     let python = std::env::var_os("FLEETCAL_PYTHON").filter(|path| !path.is_empty());
     if python.is_none() {
@@ -32,7 +32,7 @@ pub(super) fn run(python: &OsStr, arguments: &[&OsStr], environment: &[(&str, &O
         .unwrap()
 }
 
-/// What a tool printed; checks that it succeeded and warned of nothing.
+/// Returns the output of a tool, after checking that it succeeded without warnings.
 pub(super) fn quiet(output: &Output) -> String {
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     let warned = String::from_utf8_lossy(&output.stderr);
@@ -42,7 +42,7 @@ pub(super) fn quiet(output: &Output) -> String {
     said
 }
 
-/// Saves the document that a service gives.
+/// Saves the service's document.
 fn saved(service: &Service, folder: &TempDir) -> PathBuf {
     let path = folder.path().join("openapi.json");
     let document = service.get("/api/v1/openapi.json");

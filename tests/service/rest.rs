@@ -10,7 +10,7 @@ use tempfile::TempDir;
 
 use super::{recorded, sender};
 
-/// What a person types: quotes and all.
+/// A typed note, with quotes.
 const NOTE: &str = "LiDAR bracket 4\" replaced";
 
 fn maintain(service: &Service, token: &str, note: &str) -> Output {
@@ -26,15 +26,15 @@ fn maintain(service: &Service, token: &str, note: &str) -> Output {
         .unwrap()
 }
 
-/// What the script printed under a heading that begins so.
+/// Returns the script's output under a heading with this beginning.
 fn part<'a>(printed: &'a str, heading: &str) -> &'a str {
     let (_, behind) = printed.split_once(&format!("== {heading}")).unwrap();
     let (_, part) = behind.split_once('\n').unwrap();
     part.split("\n== ").next().unwrap()
 }
 
-/// Has a tool maintain the robot, which is driven again once its reassembly is reported; gives what the tool
-/// printed.
+/// Runs a tool that maintains the robot, which is driven again once its reassembly is reported;
+/// returns the tool's output.
 async fn maintained_and_driven(
     service: &Arc<Service>,
     token: &str,
@@ -60,10 +60,13 @@ async fn a_maintenance_tool_does_its_rounds_with_curl_alone() {
     let folder = TempDir::new().unwrap();
     let path = recorded(&folder, 90.0);
     // Stamps go on, as those of one robot do.
-    let moved = folder.path().join("moved.mcap");
-    recording::simulated_with(&moved, 90.0, |config| {
-        config.start_stamp_ns += 300_000_000_000;
-        config.vehicle.lidar_in_base.yaw_rad += 1.2_f64.to_radians();
+    let [moved, cleaned] = [300, 600].map(|later_s| {
+        let path = folder.path().join(format!("{later_s}-s-later.mcap"));
+        recording::simulated_with(&path, 90.0, |config| {
+            config.start_stamp_ns += later_s * 1_000_000_000;
+            config.vehicle.lidar_in_base.yaw_rad += 1.2_f64.to_radians();
+        });
+        path
     });
     let service = Arc::new(Service::start(&["tugger_01"]));
     let summary = super::send(sender(&service, &path, "tugger_01")).await;
@@ -96,6 +99,14 @@ async fn a_maintenance_tool_does_its_rounds_with_curl_alone() {
     assert_eq!(part(&said, "report"), noted);
     assert!(
         part(&said, "verdict").contains("calibration_changed"),
+        "{said}"
+    );
+
+    // Nothing has moved since.
+    let said = maintained_and_driven(&service, &operator, "LiDAR cleaned", &cleaned).await;
+    let verdict = part(&said, "verdict");
+    assert!(
+        verdict.contains("unchanged") && !verdict.contains("proposed"),
         "{said}"
     );
 }

@@ -11,7 +11,7 @@ use tempfile::TempDir;
 
 use super::{assert_same, calibrated, recorded, send, sender};
 
-/// Fetches a recording as a person does; it has begun when the answer's head is there.
+/// Fetches a recording as a person does; it has begun once the answer's head is there.
 fn fetch(service: &Service, robot: &str, query: &str, to: &Path) -> Child {
     let name = to.file_stem().unwrap().to_string_lossy();
     let token = service.made_token(&["--role", "operator", "--name", &name]);
@@ -42,7 +42,7 @@ fn fetch(service: &Service, robot: &str, query: &str, to: &Path) -> Child {
     fetching
 }
 
-/// Topics with their schemas and counts as Python's `mcap` has them, and what is left out.
+/// Reads topics with their schemas and counts by Python's `mcap`, and the number left out.
 fn read_by_python(python: &str, path: &Path) -> Value {
     let script = "import json, sys\nfrom mcap.reader import make_reader\n\
                   with open(sys.argv[1], 'rb') as file:\n reader = make_reader(file, \

@@ -5,10 +5,10 @@ use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-/// The binary: `FLEETCAL_BIN`, or the one that was built beside this test.
+/// Returns the path of the binary: `FLEETCAL_BIN`, or the one that was built beside this test.
 ///
 /// # Panics
-/// When there is none.
+/// When there is no binary.
 pub fn path() -> PathBuf {
     let beside = || {
         let test = env::current_exe().expect("a test has a path");

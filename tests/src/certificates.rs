@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use rcgen::{BasicConstraints, CertificateParams, DnType, IsCa, Issuer, KeyPair};
 
-/// Who signs the fleet's certificates.
+/// Authority that signs the fleet's certificates.
 #[derive(Debug)]
 pub struct Authority {
     folder: PathBuf,
@@ -13,7 +13,7 @@ pub struct Authority {
 }
 
 impl Authority {
-    /// Makes one, whose certificate is `ca.pem` in a folder.
+    /// Makes an authority, whose certificate is `ca.pem` in a folder.
     ///
     /// # Panics
     /// When it cannot.
@@ -32,12 +32,12 @@ impl Authority {
         }
     }
 
-    /// Where a file of a name is: `ca.pem`, `tugger_01.pem`, `tugger_01.key.pem`.
+    /// Returns the path of a file by its name: `ca.pem`, `tugger_01.pem`, `tugger_01.key.pem`.
     pub fn path(&self, file: &str) -> String {
         self.folder.join(file).display().to_string()
     }
 
-    /// Where its files are.
+    /// Returns the folder of its files.
     pub fn folder(&self) -> &Path {
         &self.folder
     }

@@ -11,11 +11,11 @@ const RINGS_DEG: [f64; 8] = [-15.0, -10.0, -6.0, -3.0, -1.0, 1.0, 4.0, 12.0];
 /// Heights of the floor and of the ceiling from the LiDAR, m.
 const FLOOR_M: f64 = -0.5;
 const CEILING_M: f64 = 4.0;
-/// Of the planar scanner's beams each so many make a column.
+/// Number of the planar scanner's beams in a column.
 const BEAMS_A_COLUMN: usize = 2;
 
-/// Writes a recording's messages as `path`, its scans as the clouds that a scanner of eight rings
-/// would have taken: walls from the floor to the ceiling, where the scan saw them.
+/// Writes a recording's messages as `path`, its scans as the clouds of a scanner of eight rings:
+/// walls from the floor to the ceiling, where the scan had returns.
 ///
 /// # Panics
 /// When it cannot be written.
@@ -29,7 +29,7 @@ pub fn of_scans(recording: &Path, path: &Path) {
     });
 }
 
-/// The cloud of a turn: ring after ring, each point with its time.
+/// Makes the cloud of a turn: ring after ring, each point with its time.
 fn cloud(scan: &LaserScan) -> PointCloud2 {
     let beams = || scan.ranges.iter().enumerate().step_by(BEAMS_A_COLUMN);
     let mut data = Vec::new();

@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 use fleetcal_contract::server;
 use fleetcal_store::database_url::PostgresUrl;
 
-/// The variable by which a service is told of its PostgreSQL.
+/// Variable that names a service's PostgreSQL.
 const VARIABLE: &str = "FLEETCAL_DATABASE";
 
-/// Beside a data folder: where the database of its service is.
+/// Returns the file beside a data folder that names the database of its service.
 fn note(data: &Path) -> PathBuf {
     data.with_extension("database")
 }
 
-/// What the environment of a service or command on this data folder says: nothing where its
+/// Returns the environment variable of a service or command on this data folder; `None` if its
 /// database is in the folder.
 pub fn variable(data: &Path) -> Option<(String, String)> {
     let url = fs::read_to_string(note(data)).ok()?;

@@ -4,7 +4,7 @@ use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
-/// An answer.
+/// An HTTP answer.
 #[derive(Debug, Clone)]
 pub struct Answer {
     /// Its status.
@@ -13,19 +13,19 @@ pub struct Answer {
     pub body: String,
 }
 
-/// Puts a new JSON document at `path` with an API token; `None` when nobody answers.
+/// Puts a new JSON document at `path` with an API token; `None` without an answer.
 pub fn put(address: SocketAddr, path: &str, token: &str, body: &str) -> Option<Answer> {
     let content = Some(("If-None-Match: *\r\n", body));
     send(address, &format!("PUT {path}"), Some(token), content)
 }
 
-/// Asks for `path` with an API token, or without; `None` when nobody answers.
+/// Requests `path` with an API token, or without; `None` without an answer.
 pub fn get(address: SocketAddr, path: &str, token: Option<&str>) -> Option<Answer> {
     send(address, &format!("GET {path}"), token, None)
 }
 
-/// Sends a request, `PUT /path`; what goes with it are further headers, each with its line's end,
-/// and a body in JSON. `None` when nobody answers.
+/// Sends a request, `PUT /path`; the content is further headers, each with its line's end, and a
+/// body in JSON. `None` without an answer.
 pub fn send(
     address: SocketAddr,
     request: &str,
@@ -61,7 +61,7 @@ pub fn send(
     Some(Answer { status, body })
 }
 
-/// Joins the chunks of a body; `None` when its end has not come.
+/// Joins the chunks of a body; `None` if its end is missing.
 fn joined(mut chunks: &str) -> Option<String> {
     let mut body = String::new();
     loop {

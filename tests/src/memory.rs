@@ -2,19 +2,19 @@
 
 use std::fs;
 
-/// What a process holds and has held.
+/// Present and largest memory of a process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Memory {
-    /// Bytes that it holds.
+    /// Present memory, bytes.
     pub held_bytes: u64,
-    /// The most that it has held since its start.
+    /// Largest memory since its start, bytes.
     pub most_bytes: u64,
 }
 
-/// That of a process.
+/// Returns the memory of a process.
 ///
 /// # Panics
-/// When the system does not tell.
+/// When the system does not provide it.
 pub fn of(pid: u32) -> Memory {
     let status = fs::read_to_string(format!("/proc/{pid}/status")).expect("proc");
     let bytes = |name: &str| {

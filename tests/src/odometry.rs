@@ -8,7 +8,7 @@ use fleetcal_estimator::{LidarOdometry, RobotTime, Scan};
 use fleetcal_proto::ros::{LaserScan, RosMessage};
 use fleetcal_robot::recording::Recording;
 
-/// The messages of a topic, in their order.
+/// Returns the messages of a topic, in their order.
 ///
 /// # Panics
 /// When the recording cannot be read.
@@ -32,10 +32,10 @@ fn scan_of(scan: &LaserScan) -> Scan {
     Scan::new(stamp, shape, scan.ranges.clone()).expect("a scan")
 }
 
-/// What the odometry says of each scan that it can use.
+/// Returns the odometry's pose of each usable scan.
 ///
 /// # Panics
-/// When a scan is none.
+/// When a scan is invalid.
 pub fn odometry(scans: &[LaserScan]) -> Vec<(&LaserScan, OdometryPose)> {
     let mut odometry = LidarOdometry::default();
     let poses = scans

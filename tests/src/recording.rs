@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use fleetcal_robot::fleet::{RecordedTruth, record, simulated_robots};
 use fleetcal_robot::simulator::SimulationConfig;
 
-/// A recording of the folder that `FLEETCAL_DATA` names. Says so when it is not set.
+/// Returns a recording of the folder that `FLEETCAL_DATA` names. Reports it if the variable is not
+/// set.
 ///
 /// # Panics
 /// When the folder is named and the recording is not in it.
@@ -28,7 +29,7 @@ pub fn simulated(path: &Path, duration_s: f64) -> RecordedTruth {
     simulated_with(path, duration_s, |_| {})
 }
 
-/// The same of a robot that is another one in some respect.
+/// Records a simulated robot with a changed configuration.
 ///
 /// # Panics
 /// When it cannot be recorded.

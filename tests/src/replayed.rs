@@ -9,10 +9,10 @@ use serde_json::Value;
 use crate::binary;
 use crate::service::Service;
 
-/// A robot that replays a recording as fast as the service works.
+/// Makes a robot that replays a recording as fast as the service processes it.
 ///
 /// # Panics
-/// When `robot` is no robot id.
+/// When `robot` is not a robot id.
 pub fn sender(service: &Service, path: &Path, robot: &str) -> ReplayOptions {
     let mut options = ReplayOptions::new(path.to_owned(), vec![service.endpoint()]);
     options.robot = Some(RobotId::parse(robot).expect("what the test needs"));
@@ -28,7 +28,7 @@ pub async fn send(options: ReplayOptions) -> ReplaySummary {
     replay(options, |_| {}).await.expect("what the test needs")
 }
 
-/// What `calibrate` says of a recording of a vehicle with a wheelbase of 1.2 m.
+/// Returns the report of `calibrate` on a recording of a vehicle with a wheelbase of 1.2 m.
 ///
 /// # Panics
 /// When it refuses the recording.
@@ -54,7 +54,7 @@ pub fn assert_same(estimate: &Value, report: &Value) {
     assert_eq!(estimate["counts"]["scans"], report["scans"]);
 }
 
-/// Asserts that a service which is sent a recording finds what `calibrate` finds, and loses nothing.
+/// Asserts that a service agrees with `calibrate` on a replayed recording, and loses nothing.
 ///
 /// # Panics
 /// When it does not.

@@ -1,7 +1,7 @@
 //! Report of `fleetcal calibrate --json`, held against the truth.
 
-/// Asserts that each parameter is as near to the truth as asked for, and inside `sigmas` of its
-/// own sigma and `uncertainty` of the truth's.
+/// Asserts that each parameter is as near to the truth as required, and inside `sigmas` of its own
+/// sigma and `uncertainty` of the truth's.
 ///
 /// # Panics
 /// When one is not.

@@ -12,21 +12,21 @@ use fleetcal_robot::recording::{RecordedMessage, Recording};
 use mcap::records::MessageHeader;
 use mcap::{WriteOptions, Writer};
 
-/// A message that is written in place of another.
+/// Message that replaces another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rewritten {
     /// Its topic.
     pub topic: String,
     /// Its ROS 2 type.
     pub message_type: String,
-    /// When it was logged, ns.
+    /// Log time, ns.
     pub log_time_ns: u64,
     /// Its bytes.
     pub payload: Vec<u8>,
 }
 
 impl Rewritten {
-    /// The message as it was.
+    /// Makes the unchanged message.
     pub fn unchanged(message_type: &str, of: &RecordedMessage) -> Self {
         Self {
             topic: of.topic.to_string(),
@@ -36,7 +36,7 @@ impl Rewritten {
         }
     }
 
-    /// A message on another topic, logged when the one that it is made of was.
+    /// Makes a message on another topic, with the log time of its source.
     pub fn on<M: RosMessage>(topic: &str, of: &RecordedMessage, message: &M) -> Self {
         Self {
             topic: topic.to_owned(),
@@ -47,8 +47,8 @@ impl Rewritten {
     }
 }
 
-/// Writes a recording again as `path`: each message, of the type that is given with it, as what
-/// `rewrite` makes of it.
+/// Writes a recording again as `path`: each message, with its type, is replaced by the result of
+/// `rewrite`.
 ///
 /// # Panics
 /// When it cannot be read or written.
@@ -111,23 +111,23 @@ pub fn renamed(recording: &Path, path: &Path, from: &str, to: &str) {
     });
 }
 
-/// What a robot sends instead of `AckermannDriveStamped`.
+/// Messages of a robot instead of `AckermannDriveStamped`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DriveAs {
     /// `/tugger_01/joint_states` with steering and both rear wheels.
     Joints,
     /// `/tugger_01/joint_states` with the steering, `/tugger_01/odom` with the speed.
     JointsAndOdometry,
-    /// The same at 50 Hz, and `/tugger_01/twist`, neither at the other's stamps.
+    /// The same topics at 50 Hz, and `/tugger_01/twist`, neither at the other's stamps.
     SlowJointsAndTwist,
 }
 
-/// The joints of these robots, as `streams.joints` has them.
+/// Joints of these robots, in the form of `streams.joints`.
 pub const JOINTS: &str = "{ steering = 'steer', steering_gear = 0.5, wheels = ['left', 'right'], \
                           wheel_radius_m = 0.25 }";
 
 /// Writes a simulated robot's recording with its drive as other messages. Gear and radius are
-/// powers of two: no digit is lost.
+/// powers of two, so that no digit is lost.
 ///
 /// # Panics
 /// When it cannot be read or written.

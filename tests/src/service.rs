@@ -12,7 +12,7 @@ use tempfile::TempDir;
 
 use crate::{binary, database, http, memory};
 
-/// Longest wait for anything that a service should do.
+/// Longest wait for an action of a service.
 const WAIT_MAX: Duration = Duration::from_secs(90);
 /// Lines of a service's log that a test shows.
 const LOG_LINES_SHOWN: usize = 200;
@@ -32,18 +32,18 @@ pub struct Service {
     variables: Vec<(String, String)>,
 }
 
-/// An instance of several.
+/// Instance of a cluster.
 #[derive(Debug, Clone, Copy)]
 pub struct Instance<'a> {
     /// Its name.
     pub name: &'a str,
-    /// Where its API is.
+    /// Address of its API.
     pub http: SocketAddr,
-    /// Where the records of all are.
+    /// Shared database.
     pub database: &'a PostgresUrl,
 }
 
-/// A loopback address that nobody listens on.
+/// Returns a free loopback address.
 ///
 /// # Panics
 /// When there is none.
@@ -52,7 +52,7 @@ pub fn free_port() -> SocketAddr {
     listener.local_addr().expect("its address")
 }
 
-/// Time now: a test waits for another process.
+/// Returns the present time, for tests that wait for another process.
 #[expect(
     clippy::disallowed_methods,
     reason = "waiting for another process takes real time"
@@ -61,7 +61,7 @@ pub fn now() -> Instant {
     Instant::now()
 }
 
-/// Waits until `look` gives something.
+/// Waits until `look` returns a value.
 ///
 /// # Panics
 /// When it never does.
@@ -80,7 +80,7 @@ pub fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
 }
 
 impl Service {
-    /// Starts a service that knows `robots`, each a bicycle of 1.2 m unless `config` says more.
+    /// Starts a service with configured `robots`, each a bicycle of 1.2 m.
     ///
     /// # Panics
     /// When it does not become ready.
@@ -100,8 +100,8 @@ impl Service {
         Self::start_on(zenoh, config, &["--listen", &format!("tcp/{zenoh}")])
     }
 
-    /// Starts a service with a configuration file and the flags that say where it listens and
-    /// connects; `zenoh` is where robots reach it.
+    /// Starts a service with a configuration file and the flags of its endpoints; `zenoh` is the
+    /// address for robots.
     ///
     /// # Panics
     /// When it does not become ready.
@@ -112,7 +112,7 @@ impl Service {
         Self::start_in(place, zenoh, config, zenoh_flags, Vec::new())
     }
 
-    /// The same of an instance.
+    /// Starts an instance of a cluster likewise.
     ///
     /// # Panics
     /// When it does not become ready.
@@ -130,7 +130,7 @@ impl Service {
         Self::start_in(place, zenoh, config, &flags, Vec::new())
     }
 
-    /// Starts a service without robots whose data are in a folder elsewhere.
+    /// Starts a service without robots with its data in a folder elsewhere.
     ///
     /// # Panics
     /// When it does not become ready.
@@ -139,7 +139,7 @@ impl Service {
         Self::start_alone(folder, data.to_owned(), &[])
     }
 
-    /// Starts a service without robots in whose environment these variables are.
+    /// Starts a service without robots with these environment variables.
     ///
     /// # Panics
     /// When it does not become ready.
@@ -212,7 +212,7 @@ impl Service {
         });
     }
 
-    /// A token that the command line makes beside the service.
+    /// Makes a token by the command line beside the service.
     ///
     /// # Panics
     /// When it is not made.
@@ -230,7 +230,7 @@ impl Service {
         printed.trim_end().to_owned()
     }
 
-    /// The status of `GET path` with a token, or without.
+    /// Returns the status of `GET path` with a token, or without.
     ///
     /// # Panics
     /// When there is no answer.
@@ -238,7 +238,7 @@ impl Service {
         http::get(self.http, path, token).expect("an answer").status
     }
 
-    /// The body of `GET path`, which is public.
+    /// Returns the body of `GET path`, which is public.
     ///
     /// # Panics
     /// When there is none.
@@ -248,27 +248,27 @@ impl Service {
         answer.body
     }
 
-    /// The address of its HTTP listener.
+    /// Returns the address of its HTTP listener.
     pub fn http(&self) -> SocketAddr {
         self.http
     }
 
-    /// Where people and tools reach it.
+    /// Returns its URL for people and tools.
     pub fn url(&self) -> String {
         format!("http://{}", self.http)
     }
 
-    /// Where robots connect.
+    /// Returns the endpoint for robots.
     pub fn endpoint(&self) -> String {
         format!("tcp/{}", self.zenoh)
     }
 
-    /// The folder of its data.
+    /// Returns the folder of its data.
     pub fn data(&self) -> PathBuf {
         self.data.clone()
     }
 
-    /// What it has logged.
+    /// Returns its log.
     ///
     /// # Panics
     /// When the log cannot be read.
@@ -277,12 +277,12 @@ impl Service {
         String::from_utf8_lossy(&bytes).into_owned()
     }
 
-    /// The answer to putting a new document at `path`; `None` without one.
+    /// Returns the answer to putting a new document at `path`; `None` without one.
     pub fn try_put(&self, path: &str, document: &Value) -> Option<http::Answer> {
         http::put(self.http, path, &self.token, &document.to_string())
     }
 
-    /// A count of `/metrics`; 0 when it is not there.
+    /// Returns a count of `/metrics`; 0 if it is absent.
     ///
     /// # Panics
     /// When there is no answer.
@@ -294,12 +294,12 @@ impl Service {
         value.map(count).sum()
     }
 
-    /// Its process.
+    /// Returns its process.
     pub fn pid(&self) -> u32 {
         self.child.id()
     }
 
-    /// The answer of `GET path`.
+    /// Returns the answer of `GET path`.
     ///
     /// # Panics
     /// When there is none.
@@ -323,7 +323,7 @@ impl Service {
         );
     }
 
-    /// The answer of `GET path`, when it is a good one.
+    /// Returns the answer of `GET path`, if it has status 200.
     pub fn try_get(&self, path: &str) -> Option<Value> {
         let answer = http::get(self.http, path, Some(&self.token));
         let answer = answer.filter(|answer| answer.status == 200)?;
@@ -339,8 +339,8 @@ impl Service {
         self.send(&request, &self.token, "If-None-Match: *\r\n", config);
     }
 
-    /// The answer to a request, `POST /path`, with further headers, each with its line's end, and
-    /// a body in JSON.
+    /// Returns the answer to a request, `POST /path`, with further headers, each with its line's
+    /// end, and a body in JSON.
     ///
     /// # Panics
     /// When it is refused.
@@ -355,12 +355,12 @@ impl Service {
         serde_json::from_str(&answer.body).expect("JSON")
     }
 
-    /// One robot.
+    /// Returns one robot.
     pub fn robot(&self, id: &str) -> Value {
         self.get(&format!("/api/v1/robots/{id}"))
     }
 
-    /// A robot's estimate once its session has ended and everything was worked through: it has
+    /// Returns a robot's estimate once its session has ended and everything was processed: it has
     /// used as many drive samples as were sent.
     pub fn estimate_of(&self, id: &str, drive_samples: u64) -> Value {
         wait_for("the end of the session", || {
@@ -369,7 +369,7 @@ impl Service {
         })
     }
 
-    /// Checks that every message of a robot is accounted for and that none waits; gives the
+    /// Checks that every message of a robot is accounted for and that none waits; returns the
     /// counters.
     ///
     /// # Panics
@@ -386,10 +386,10 @@ impl Service {
         counters
     }
 
-    /// CPU time that it has used, s.
+    /// Returns the CPU time that it has used, s.
     ///
     /// # Panics
-    /// When the system does not tell.
+    /// When the system does not provide it.
     pub fn cpu_s(&self) -> f64 {
         // Fields 14 and 15 of proc(5) stat, in ticks of 10 ms; the second field may hold spaces.
         let stat = fs::read_to_string(format!("/proc/{}/stat", self.pid())).expect("proc");
@@ -401,10 +401,10 @@ impl Service {
         (ticks(11) + ticks(12)) / 100.0
     }
 
-    /// Memory that it holds, bytes.
+    /// Returns its memory, bytes.
     ///
     /// # Panics
-    /// When the system does not tell.
+    /// When the system does not provide it.
     pub fn memory_bytes(&self) -> u64 {
         memory::of(self.pid()).held_bytes
     }
@@ -418,7 +418,7 @@ impl Service {
         self.child.wait().expect("its end");
     }
 
-    /// Asks it to stop; gives its exit status and how long it took.
+    /// Stops it by a signal; returns its exit status and the time it took.
     ///
     /// # Panics
     /// When it does not end.
@@ -449,7 +449,7 @@ impl Drop for Service {
     }
 }
 
-/// Where a service's log is: a pipe that nobody reads would stop it once it is full.
+/// Returns the path of a service's log: a pipe without a reader would stop it once full.
 fn log_in(folder: &TempDir) -> PathBuf {
     folder.path().join("service.log")
 }

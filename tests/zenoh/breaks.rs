@@ -14,11 +14,11 @@ use super::lists::received;
 use super::robot;
 use super::router::Router;
 
-/// How often the link is cut or the router restarted, in turn.
+/// Number of cuts of the link and restarts of the router, in turn.
 const ROUNDS: u32 = 20;
-/// Ingest is back within this time.
+/// Time within which ingest is back.
 const BACK_WITHIN: Duration = Duration::from_secs(5);
-/// How long the link is cut.
+/// Duration of a cut of the link.
 const CUT: Duration = Duration::from_millis(300);
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -83,7 +83,7 @@ async fn after_cuts_and_restarts_ingest_is_back_and_no_sample_counts_twice() {
     router.stop().await;
 }
 
-/// Waits until samples come in that were sent from now on: more than can be on the way.
+/// Waits for samples that were sent from now on: more than can be in flight.
 fn wait_for_more(service: &Service) {
     let before = received(service, "tugger_01");
     wait_for("more samples", || {

@@ -29,7 +29,7 @@ use tokio::time::{Instant, MissedTickBehavior};
 use zenoh::Session;
 use zenoh::qos::CongestionControl;
 
-/// A robot's messages: when each is due after the start, on which stream, and its bytes.
+/// A robot's messages: the due time of each after the start, its stream, and its payload.
 type Script = Vec<(Duration, &'static str, Vec<u8>)>;
 
 /// Robots that connect at once.
@@ -61,25 +61,25 @@ fn main() {
     });
 }
 
-/// One line at once.
+/// Prints one line at once.
 fn say(said: &Value) {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{said}").unwrap();
     out.flush().unwrap();
 }
 
-/// How sessions show whose they are.
+/// Authentication of sessions.
 #[derive(Debug, Clone)]
 enum Identity {
-    /// Not at all.
+    /// No authentication.
     Anonymous,
-    /// By the name backwards.
+    /// The name backwards as password.
     Password,
-    /// By the certificate of that name in a folder.
+    /// The certificate of that name in a folder.
     Certificate(PathBuf),
 }
 
-/// Where sessions connect, and as whom.
+/// Endpoints and authentication of sessions.
 #[derive(Debug, Clone)]
 struct Place {
     endpoints: Vec<String>,
@@ -87,7 +87,7 @@ struct Place {
 }
 
 impl Place {
-    /// Opens the session of a number, under a name where there are names.
+    /// Opens the session of a number, under a name if names are in use.
     async fn connect(&self, number: usize, name: &str) -> Session {
         let endpoint = &self.endpoints[number % self.endpoints.len()];
         let config = match &self.identity {
@@ -104,8 +104,8 @@ impl Place {
     }
 }
 
-/// Drives `count` robots `robot_01` and so on through the same recording, each with a session of its
-/// own; what finds no room is dropped, as a robot's own streams do.
+/// Drives `count` robots `robot_01` and so on through the same recording, each with a session of
+/// its own; messages without room are dropped, as by a robot's own streams.
 async fn robots(place: &Place, duration: Duration, count: usize, recording: &Path) {
     let script = script(recording, duration);
     let mut sessions = Vec::new();
@@ -182,7 +182,7 @@ impl Robot {
         }
     }
 
-    /// Sends everything when it is due.
+    /// Sends all messages when they are due.
     async fn drive(self, script: &Script, start: Instant) -> (String, Value) {
         let mut sent: BTreeMap<&str, u64> = BTreeMap::new();
         let mut ticks = tokio::time::interval_at(start, Duration::from_millis(5));
@@ -201,7 +201,7 @@ impl Robot {
     }
 }
 
-/// The messages of a recording's beginning.
+/// Reads the messages of a recording's beginning.
 fn script(recording: &Path, duration: Duration) -> Script {
     let bytes = std::fs::read(recording).unwrap();
     let mut script = Script::new();

@@ -1,6 +1,6 @@
 //! Kinds of hostile sessions, as their process is told and tests ask for.
 
-/// Each kind, in the order in which sessions take them when all is done at once.
+/// All kinds, in the order in which sessions use them when all run at once.
 pub const KINDS: [&str; 8] = [
     "tokens",
     "subscribers",

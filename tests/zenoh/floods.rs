@@ -22,53 +22,54 @@ use super::flood_kinds::KINDS;
 use super::lists::{generated, password, passwords};
 use super::robot;
 
-/// Robots that drive, and one more under whose name is attacked.
+/// Driving robots, besides one whose name is attacked.
 pub const ROBOTS: usize = 49;
 /// Hostile sessions.
 pub const SESSIONS: usize = 8;
-/// Seconds of a flood unless the environment says otherwise.
+/// Default duration of a flood, s.
 const FLOOD_S: u64 = 8;
-/// The robots drive before and after it for so long, s.
+/// Time that the robots drive before and after it, s.
 const MARGIN_S: u64 = 2;
-/// What is asked on a machine with nothing else to do, beside what an undisturbed fleet takes.
+/// Longest stall on a machine with nothing else to do, beyond that of an undisturbed fleet.
 const STALLED_MAX: Duration = Duration::from_secs(1);
 const GROWN_MAX_BYTES: u64 = 32 << 20;
-/// Silent connections to the Zenoh port, and how long a robot may then take to connect.
+/// Silent connections to the Zenoh port.
 const SILENT: usize = 1_500;
+/// Time within which a robot then has to connect.
 const CONNECTS_WITHIN: Duration = Duration::from_secs(5);
-/// What a robot sent and did not come for so long after it had ended does not come any more.
+/// Time after the robots' end from which missing messages never come.
 const NOTHING_COMES: Duration = Duration::from_secs(5);
-/// Pause between two looks at a robot.
+/// Pause between two checks of a robot.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum List {
-    /// The service's own: anybody connects, and may be any robot.
+    /// The service's own list: anybody connects, and may be any robot.
     Default,
-    /// The generated one: each session is a robot with its password.
+    /// The generated list: each session is a robot with its password.
     Generated,
 }
 
-/// Seconds of a flood.
+/// Returns the duration of a flood, s.
 pub fn seconds() -> u64 {
     let asked = std::env::var("FLEETCAL_ZENOH_FLOOD_S").ok();
     asked.map_or(FLOOD_S, |text| text.parse().unwrap())
 }
 
-/// The kinds of a campaign, as the environment says: each, and all at once.
+/// Returns the kinds of a campaign, by the environment: each, and all at once.
 pub fn kinds() -> String {
     let asked = std::env::var("FLEETCAL_ZENOH_FLOODS").ok();
     asked.unwrap_or_else(|| format!("{} all", KINDS.join(" ")))
 }
 
-/// All robots.
+/// Returns the names of all robots.
 pub fn names() -> Vec<String> {
     (1..=ROBOTS + 1)
         .map(|number| format!("robot_{number:02}"))
         .collect()
 }
 
-/// Their sections of `fleetcal.toml`.
+/// Writes their sections of `fleetcal.toml`.
 pub fn sections() -> String {
     let entry = |id: &String| {
         format!("[[robot]]\nid = \"{id}\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\n")
@@ -93,7 +94,7 @@ pub fn started(list: List, folder: &Path) -> Service {
     Service::start_on(zenoh, &config, &["-c", &router])
 }
 
-/// A process of robots or of hostile sessions, ended with its test.
+/// Process of robots or of hostile sessions, ended with its test.
 pub struct Crowd {
     child: Child,
     said: BufReader<ChildStdout>,
@@ -116,7 +117,7 @@ impl Crowd {
         crowd
     }
 
-    /// The next line.
+    /// Reads the next line.
     pub fn hear(&mut self) -> Value {
         let mut line = String::new();
         self.said.read_line(&mut line).unwrap();
@@ -131,14 +132,14 @@ impl Drop for Crowd {
     }
 }
 
-/// What a flood did to the others.
+/// Effects of a flood on the others.
 #[derive(Debug, Default)]
 pub struct Figures {
     pub sent: u64,
     pub lost: u64,
     pub dropped_wheel_odometry: u64,
     pub dropped_scans: u64,
-    /// Longest time in which nothing came of a robot that sends every 10 ms.
+    /// Longest time without a message of a robot that sends every 10 ms.
     pub stalled: Duration,
     pub grown_bytes: u64,
     pub database_bytes: u64,
@@ -149,7 +150,7 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// Adds what became of the samples of one more robot.
+    /// Adds the samples of one more robot.
     pub fn add(&mut self, robot: &Self) {
         self.sent += robot.sent;
         self.lost += robot.lost;
@@ -159,8 +160,8 @@ impl Figures {
     }
 }
 
-/// Bytes of a service's database, with what is in its write-ahead log alone so far. That file itself
-/// keeps the size it had once.
+/// Returns the size of a service's database, including its write-ahead log's own content so far,
+/// bytes. The log's file itself never shrinks.
 pub fn database_bytes(service: &Service) -> u64 {
     if let Some((_, url)) = database::variable(&service.data()) {
         let bytes = psql(
@@ -185,10 +186,10 @@ pub fn database_bytes(service: &Service) -> u64 {
 
 /// A robot that has ended.
 pub struct Ended<'a> {
-    /// Who estimates it.
+    /// Service that estimates it.
     pub service: &'a Service,
     pub id: &'a str,
-    /// What it sent, by stream.
+    /// Its sent messages, by stream.
     pub of_robot: &'a Value,
 }
 
@@ -199,8 +200,8 @@ impl Ended<'_> {
     }
 }
 
-/// What became of the samples of robots that have ended, robot by robot, once nothing more of them
-/// comes: while a service takes back what hostile sessions had declared, some are still in its sockets.
+/// Counts the samples of robots that have ended, robot by robot, once no more of them come: while a
+/// service undeclares the keys of hostile sessions, some are still in its sockets.
 pub fn received_at_last(ended: &[Ended<'_>]) -> Vec<Figures> {
     let received = |counters: &Value| counters["received"].as_u64().unwrap();
     let first = ended.iter().map(|one| one.service.accounts_of(one.id));
@@ -240,7 +241,7 @@ pub fn received_at_last(ended: &[Ended<'_>]) -> Vec<Figures> {
     figures.collect()
 }
 
-/// Robots drive while `kind` is done to the service; without a kind, nothing is.
+/// Drives robots while the service is attacked by `kind`; without a kind, it is not attacked.
 pub fn flooded(list: List, kind: Option<&str>, seconds: u64) -> Figures {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("robot.mcap");
@@ -291,8 +292,8 @@ pub fn flooded(list: List, kind: Option<&str>, seconds: u64) -> Figures {
     figures
 }
 
-/// The longest time without a message of a robot, while `goes_on`. A service that does not answer
-/// shows none.
+/// Returns the longest time without a message of a robot, while `goes_on`. A service that does not
+/// answer shows none.
 pub fn longest_stall(service: &Service, id: &str, goes_on: impl Fn() -> bool) -> Duration {
     let received = || {
         let robot = service.try_get(&format!("/api/v1/robots/{id}"));
@@ -335,8 +336,9 @@ fn measured(list: List, kind: &str) -> Figures {
     figures
 }
 
-/// A sender on a machine that is busy with other things drops a sample now and then by itself, so a
-/// few in ten thousand say nothing here. With two receiving threads it was every second one.
+/// Asserts that the other robots lose almost nothing. A sender on a busy machine drops a sample now
+/// and then by itself, so a few in ten thousand are accepted here. With two receiving threads it
+/// was every second one.
 fn assert_others_go_on(list: List, kind: &str) {
     let figures = measured(list, kind);
     assert!(figures.lost * 2_000 <= figures.sent, "{kind}: {figures:?}");
@@ -442,7 +444,7 @@ fn beyond_loopback_nobody_connects_without_authentication_unless_a_flag_says_so(
     allowed.wait().unwrap();
 }
 
-/// That a client without password is refused is what the whole default rests on.
+/// Checks that a client without password is refused, which the whole default rests on.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_router_with_passwords_takes_nobody_without_one() {
     let folder = TempDir::new().unwrap();

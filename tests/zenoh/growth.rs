@@ -4,10 +4,10 @@
 use super::flood_kinds::KINDS;
 use super::floods::{List, flooded};
 
-/// Minutes of each flood unless `GROWTH_MINUTES` says otherwise.
+/// Default duration of each flood, min; `GROWTH_MINUTES` sets another.
 const MINUTES: u64 = 60;
-/// What a flood may add to either in an hour. The budgets that bound it are hourly: what a shorter
-/// flood adds, an hour's adds too.
+/// Largest growth of either by a flood in an hour, bytes. The budgets that bound it are hourly: a
+/// shorter flood adds as much as an hour's.
 const BEYOND_MAX_BYTES: u64 = 1_000_000;
 
 #[test]

@@ -13,13 +13,13 @@ use zenoh::qos::CongestionControl;
 use super::flood_kinds::KINDS;
 use super::{Place, say};
 
-/// Tokens that every robot may ask for.
+/// Tokens that every robot may query.
 const SERVICES: &str = "fleet/@service/*";
-/// Under whose name is attacked.
+/// Id of the attacked robot.
 const ATTACKED: &str = "robot_50";
-/// Declarations that a session keeps; it takes back the oldest beyond.
+/// Declarations that a session keeps; it undeclares the oldest beyond.
 const KEPT_MAX: usize = 20_000;
-/// What is done between two looks at the clock.
+/// Actions between two readings of the clock.
 const AT_ONCE: u64 = 16;
 
 /// Attacks from `count` sessions, one process, in one way or (`all`) each in another.
@@ -109,7 +109,8 @@ async fn attack(session: &Session, kind: &str, number: usize, end: Instant, done
     }
 }
 
-/// Asks for the services' tokens: with a query each time, or with a subscriber that is told of changes.
+/// Queries the services' tokens: with a query each time, or with a subscriber that receives
+/// changes.
 async fn ask_for_services(session: &Session, kind: &str, end: Instant, done: &AtomicU64) {
     let (mut at, mut kept) = (0_u64, std::collections::VecDeque::new());
     while Instant::now() < end {
@@ -124,7 +125,7 @@ async fn ask_for_services(session: &Session, kind: &str, end: Instant, done: &At
     }
 }
 
-/// Whatever becomes of a declaration that is refused is the attacker's own trouble.
+/// Keeps a declaration; the outcome of a refused one is irrelevant for an attacker.
 fn keep<T>(kept: &mut std::collections::VecDeque<T>, declared: zenoh::Result<T>) {
     if let Ok(declared) = declared {
         kept.push_back(declared);
@@ -150,7 +151,7 @@ async fn put(session: &Session, key: &str, document: &Value) {
     drop(put.await);
 }
 
-/// A note of its greatest length, each another.
+/// Makes a note of the greatest length, different for each `at`.
 fn note(at: u64) -> Value {
     json!({
         "stamp_ns": 1_760_000_000_000_000_000_u64 + at,
@@ -159,7 +160,7 @@ fn note(at: u64) -> Value {
     })
 }
 
-/// An answer about something that was never sent; every other one is none at all.
+/// Makes a forged acknowledgement of a document that was never sent; every other one is invalid.
 fn forged(at: u64) -> Value {
     if at.is_multiple_of(2) {
         return json!({ "nothing": at });

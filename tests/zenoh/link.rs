@@ -12,7 +12,7 @@ pub struct Link {
 }
 
 impl Link {
-    /// A link to a router.
+    /// Makes a link to a router.
     pub async fn to(router: SocketAddr) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let endpoint = format!("tcp/{}", listener.local_addr().unwrap());
@@ -33,7 +33,7 @@ impl Link {
     }
 }
 
-/// Until either end closes, or the link is cut.
+/// Forwards until either end closes, or the link is cut.
 async fn carry(mut near: TcpStream, router: SocketAddr, mut carries: watch::Receiver<bool>) {
     let Ok(mut far) = TcpStream::connect(router).await else {
         return;

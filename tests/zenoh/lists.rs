@@ -22,18 +22,18 @@ use super::{robot, session};
 /// Samples that one robot sends under another's name.
 const TRIES: u64 = 10_000;
 
-/// What was sent has arrived by then, if it does.
+/// Time within which sent messages have arrived, if they do.
 const UNDER_WAY: Duration = Duration::from_millis(500);
 
-/// How long a robot asks, faster than the list lets it.
+/// Duration for which a robot queries faster than the list allows.
 const ASKED_FOR: Duration = Duration::from_secs(2);
 
-/// Two known robots.
+/// Configuration of two known robots.
 const KNOWN: &str = "\
     [[robot]]\nid = \"robot_a\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\
     [[robot]]\nid = \"robot_b\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n";
 
-/// Writes the configuration that `fleetcal acl generate` prints, and gives where it is.
+/// Writes the output of `fleetcal acl generate`, and returns its path.
 pub fn generated(folder: &Path, flags: &[&str]) -> String {
     let output = binary::run(["acl", "generate"].iter().chain(flags));
     let said = String::from_utf8_lossy(&output.stderr);
@@ -68,8 +68,8 @@ pub fn wait_until_received(service: &Service, id: &str, samples: u64) {
     });
 }
 
-/// The stream of a robot, once its samples arrive, and how many have so far: a router drops what comes before
-/// it knows of the service.
+/// Returns the stream of a robot once its samples arrive, and their number so far: a router drops
+/// messages before it knows of the service.
 pub async fn arriving(service: &Service, session: &Session, id: &str) -> (Publisher<'static>, u64) {
     let stream = robot::stream(session, id).await;
     let begun = now();
@@ -82,8 +82,8 @@ pub async fn arriving(service: &Service, session: &Session, id: &str) -> (Publis
     (stream, received(service, id))
 }
 
-/// Robot A's connection: what it sends as itself arrives, what it sends as B does not, and of what
-/// the service says it gets its own alone. `listener` is a second connection of B.
+/// Asserts for robot A's connection: messages under its own name arrive, those under B's do not,
+/// and it receives the service's messages for itself alone. `listener` is a second connection of B.
 async fn assert_a_is_a_alone(service: &Service, a: &Session, b: &Session, listener: &Session) {
     let (as_a, of_a) = arriving(service, a, "robot_a").await;
     let as_b = robot::stream(a, "robot_b").await;
@@ -280,7 +280,7 @@ async fn a_generated_list_lets_ten_queries_a_second_through() {
     assert!((15..=25).contains(&answered), "{answered} of {asked}");
 }
 
-/// The two lines of the README under "Connect a robot", where there is no file of passwords yet.
+/// Runs the two lines of the README under "Connect a robot", without a password file.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_list_with_passwords_needs_no_file_before() {
     let folder = TempDir::new().unwrap();
@@ -358,7 +358,7 @@ fn what_makes_no_list_is_refused_in_one_sentence() {
     }
 }
 
-/// The configuration of a service that is a client of a router.
+/// Makes the configuration of a service that is a client of a router.
 pub fn service_client(router: &str, name: &str) -> Value {
     robot::with_password(router, name, &password(name))
 }

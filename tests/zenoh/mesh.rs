@@ -33,25 +33,25 @@ use super::session;
 /// Names of instances, and of the routers that they connect to first.
 const INSTANCES: [&str; 2] = ["a", "b"];
 const ROUTERS: [&str; 2] = ["router_1", "router_2"];
-/// Under whose name is attacked: alerts of it may be right.
+/// Id of the attacked robot, whose alerts may be right.
 const ATTACKED: &str = "robot_50";
-/// The robots drive before and after a flood for so long, s.
+/// Time that the robots drive before and after a flood, s.
 const MARGIN_S: u64 = 2;
-/// Pause between two looks at the leases.
+/// Pause between two checks of the leases.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
-/// Of samples of the others, at most one in so many is lost.
+/// Samples of the others of which at most one is lost.
 const LOST_AT_MOST_ONE_IN: u64 = 2_000;
-/// A lease is of 6 s, and is renewed every 2 s: one that had less left was renewed late.
+/// Least remaining lease, s: one of 6 s is renewed every 2 s, so one with less was renewed late.
 const LEASE_LEFT_MIN_S: f64 = 2.0;
-/// A flood of some seconds adds at most so much to a process, beside what one without adds.
+/// Largest growth of a process by a flood of some seconds, beyond that without one, bytes.
 const GROWN_MAX_BYTES: u64 = 256 << 20;
-/// Robots whose estimates are heard while their instance is killed.
+/// Robots whose estimates are received while their instance is killed.
 const HEARD: usize = 6;
-/// They are estimated again after so long: earlier than Zenoh takes the killed instance for gone, and
-/// than its lease ends.
+/// Time within which they are estimated again: before Zenoh notices the killed instance, and before
+/// its lease ends.
 const SERVED_WITHIN: Duration = Duration::from_secs(3);
 
-/// Which instance has a robot: its name, and the epoch since which it has.
+/// Instance of each robot: its name, and the epoch of its tenure.
 type Owners = BTreeMap<String, (String, u64)>;
 
 /// Two routers that know each other by certificate, and an instance at each.
@@ -114,7 +114,7 @@ impl Mesh {
         mesh
     }
 
-    /// Which instance has each robot.
+    /// Returns the instance of each robot.
     fn owners(&self) -> Owners {
         let told = psql(
             &self.database,
@@ -130,13 +130,13 @@ impl Mesh {
         told.lines().filter_map(owner).collect()
     }
 
-    /// The instance of this name.
+    /// Returns the instance of this name.
     fn instance(&self, name: &str) -> &Service {
         let number = INSTANCES.iter().position(|own| *own == name);
         &self.instances[number.unwrap_or_default()]
     }
 
-    /// All alerts that were raised.
+    /// Returns all raised alerts.
     fn alerts(&self) -> Vec<String> {
         let raised = "SELECT DISTINCT a.kind || ' of ' || coalesce(a.robot, 'the fleet') FROM alert AS a \
                       JOIN alert_change AS c ON c.alert = a.id WHERE c.state = 'alerting' ORDER BY 1";
@@ -144,21 +144,21 @@ impl Mesh {
         told.lines().map(str::to_owned).collect()
     }
 
-    /// A robot's own session at its router.
+    /// Opens a robot's own session at its router.
     async fn robot(&self, id: &str) -> Session {
         let identity = session::tls(self.folder.path(), Some(id));
         let config = robot::client(&self.endpoints[router_of(id)], &identity);
         robot::open(config).await.unwrap()
     }
 
-    /// What the instances hold, then the routers.
+    /// Returns the memory of the instances, then of the routers.
     fn memory(&self) -> [Memory; 4] {
         let [a, b] = &self.instances;
         let [one, two] = &self.routers;
         [a.pid(), b.pid(), one.pid(), two.pid()].map(memory::of)
     }
 
-    /// Robots that drive, half of them at each router.
+    /// Starts robots that drive, half of them at each router.
     fn robots(&self, recording: &Path, drive_s: u64) -> Crowd {
         let (drive_s, robots) = (drive_s.to_string(), ROBOTS.to_string());
         Crowd::start(&[
@@ -171,7 +171,7 @@ impl Mesh {
         ])
     }
 
-    /// Sessions that attack at the first router.
+    /// Starts sessions that attack at the first router.
     fn hostile(&self, kind: &str, seconds: u64) -> Crowd {
         let (seconds, sessions) = (seconds.to_string(), SESSIONS.to_string());
         let certificates = self.folder.path().to_str().unwrap();
@@ -179,7 +179,7 @@ impl Mesh {
         Crowd::start(&["hostile", at, &seconds, &sessions, kind, certificates])
     }
 
-    /// The least that was left of a lease while `goes_on`, s, as the instances tell.
+    /// Returns the least remaining lease while `goes_on`, s, as reported by the instances.
     fn least_lease_left_s(&self, goes_on: impl Fn() -> bool) -> f64 {
         let mut least_s = f64::INFINITY;
         while goes_on() {
@@ -197,7 +197,7 @@ impl Mesh {
     }
 }
 
-/// What both instances are told of each other.
+/// Writes the common configuration of both instances.
 fn configuration(folder: &Path, https: [SocketAddr; 2]) -> String {
     let [a, b] = https;
     let key = folder.join("signing.key").display().to_string();
@@ -207,7 +207,8 @@ fn configuration(folder: &Path, https: [SocketAddr; 2]) -> String {
     )
 }
 
-/// How an instance connects to Zenoh: to its own router, and to the other one when that is gone.
+/// Writes the Zenoh configuration of an instance: its own router, and the other one if that is
+/// gone.
 fn service_client(
     authority: &Authority,
     folder: &Path,
@@ -225,24 +226,25 @@ fn service_client(
     path
 }
 
-/// What a flood did to instances, routers and robots.
+/// Effects of a flood on instances, routers and robots.
 #[derive(Debug)]
 struct Hurt {
     done: u64,
-    /// Of those at the attacked router, and at the other one.
+    /// Effects on robots at the attacked router, and at the other one.
     of_robots: [Figures; 2],
-    /// Longest time in which nothing came of a robot of each instance.
+    /// Longest time without a message of a robot of each instance.
     stalled: [Duration; 2],
     lease_left_s: f64,
-    /// Robots that changed their instance.
+    /// Robots that moved to another instance.
     moved: Vec<String>,
     alerts: Vec<String>,
-    /// What instances and routers had grown by at the end, and by at most.
+    /// Growth of instances and routers at the end, bytes.
     grown: [u64; 4],
+    /// Largest growth of instances and routers, bytes.
     grown_most: [u64; 4],
 }
 
-/// Robots drive while `kind` is done to the first router; without a kind, nothing is.
+/// Drives robots while the first router is attacked by `kind`; without a kind, it is not attacked.
 fn flooded(kind: Option<&str>, seconds: u64) -> Hurt {
     let mut mesh = Mesh::start();
     let path = mesh.folder.path().join("robot.mcap");
@@ -283,13 +285,13 @@ fn flooded(kind: Option<&str>, seconds: u64) -> Hurt {
     }
 }
 
-/// Robots connect to the routers in turn, by their numbers.
+/// Returns the router of a robot, in turn by their numbers.
 fn router_of(id: &str) -> usize {
     let (_, number) = id.rsplit_once('_').unwrap();
     number.parse::<usize>().unwrap() % ROUTERS.len()
 }
 
-/// What became of the samples of the robots at each router.
+/// Counts the samples of the robots at each router.
 fn at_routers(mesh: &Mesh, owners: &Owners, sent: &Value) -> [Figures; 2] {
     let sent = sent["sent"].as_object().unwrap();
     let ended = sent.iter().map(|(id, of_robot)| Ended {
@@ -305,8 +307,8 @@ fn at_routers(mesh: &Mesh, owners: &Owners, sent: &Value) -> [Figures; 2] {
     figures
 }
 
-/// Does `flood`, and gives what it gives, with the longest stall of a robot of each instance and the
-/// least that was left of a lease meanwhile.
+/// Runs `flood`, and returns its result, with the longest stall of a robot of each instance and the
+/// least remaining lease meanwhile.
 fn watched(mesh: &Mesh, owners: &Owners, flood: impl FnOnce() -> u64) -> (u64, [Duration; 2], f64) {
     let is_over = AtomicBool::new(false);
     let goes_on = || !is_over.load(Ordering::Relaxed);
@@ -355,7 +357,7 @@ fn report(kind: &str, hurt: &Hurt) {
     );
 }
 
-/// What a flood may not do, whatever else the machine does; empty when it did not.
+/// Returns the forbidden effects of a flood, whatever else the machine does; empty without any.
 fn wrongs(kind: &str, hurt: &Hurt, control: &Hurt) -> Vec<String> {
     let lost: u64 = hurt.of_robots.iter().map(|figures| figures.lost).sum();
     let sent: u64 = hurt.of_robots.iter().map(|figures| figures.sent).sum();
@@ -396,8 +398,8 @@ fn no_flood_at_a_router_moves_a_robot_or_takes_samples_from_others() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Hears a robot's estimates until one of this instance comes; gives its epoch, and how long after `began` it
-/// came.
+/// Receives a robot's estimates until one of this instance comes; returns its epoch, and the time
+/// since `began`.
 async fn estimated(own: &Session, id: &str, by: &str, began: Instant) -> (u64, Duration) {
     let estimates = own.declare_subscriber(format!("fleet/{id}/estimate"));
     let estimates = estimates.await.unwrap();

@@ -6,10 +6,10 @@ use fleetcal_tests::service::free_port;
 use tempfile::TempDir;
 use zenoh::qos::CongestionControl;
 
-use crate::lists::{start_with_certificates, wait_until_received};
-use crate::{robot, session};
+use crate::zenoh::lists::{start_with_certificates, wait_until_received};
+use crate::zenoh::{robot, session};
 
-/// Sessions that send at once: with a stream for each priority, of one in six nothing arrived.
+/// Sessions that send at once: with a stream for each priority, one in six lost everything.
 const SESSIONS: u64 = 40;
 /// Samples that each of them sends.
 const SAMPLES: u64 = 5;

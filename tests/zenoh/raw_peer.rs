@@ -8,31 +8,32 @@ use tokio::net::TcpSocket;
 
 /// Longest wait for the other side.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// The version of the protocol.
+/// Version of the protocol.
 const VERSION: u8 = 9;
-/// Messages of the transport.
+/// Kinds of transport messages.
 const INIT: u8 = 0x01;
 const OPEN: u8 = 0x02;
 const FRAGMENT: u8 = 0x06;
-/// Flags of theirs.
+/// Flags of transport messages.
 const ACK: u8 = 0x20;
 const SIZES: u8 = 0x40;
 const IN_SECONDS: u8 = 0x40;
 const RELIABLE: u8 = 0x20;
 const MORE: u8 = 0x40;
 const EXTENDED: u8 = 0x80;
-/// The extension of [`INIT`] that offers priorities, and that of [`FRAGMENT`] that names one.
+/// Extension of [`INIT`] that offers priorities.
 const OFFERS_PRIORITIES: u8 = 0x01;
+/// Extension of [`FRAGMENT`] that names a priority.
 const HAS_PRIORITY: u8 = 0x31;
 
-/// A session that goes on for as long as somebody keeps it.
+/// A session that lasts as long as it is kept.
 pub struct RawPeer(TcpStream);
 
-/// The channel of a session on which a fragment comes.
+/// Channel of a session for a fragment.
 #[derive(Debug, Clone, Copy)]
 pub struct Channel {
     pub is_reliable: bool,
-    /// 0 to 7; `None` for the usual one.
+    /// Priority, 0 to 7; `None` for the usual one.
     pub priority: Option<u8>,
 }
 
@@ -63,7 +64,7 @@ impl RawPeer {
         Ok(peer)
     }
 
-    /// Sends the beginning of a message, in fragments of so many bytes, and never its end.
+    /// Sends the beginning of a message, in `fragments` of `bytes` each, and never its end.
     pub fn begin_message(&mut self, channel: Channel, fragments: u64, bytes: usize) -> Result<()> {
         let payload = vec![0x55; bytes];
         let at_once = (65_536 / (bytes + 16)).max(1) as u64;
@@ -86,7 +87,7 @@ impl RawPeer {
         Ok(())
     }
 
-    /// Batches, each behind its length.
+    /// Sends batches, each behind its length.
     fn send(&mut self, batches: &[Vec<u8>]) -> Result<()> {
         let mut bytes = Vec::new();
         for batch in batches {
@@ -105,7 +106,7 @@ impl RawPeer {
     }
 }
 
-/// A number as the protocol writes it: seven bits in each byte.
+/// Encodes a number in the protocol's form: seven bits in each byte.
 fn number(mut value: u64) -> Vec<u8> {
     let mut bytes = Vec::new();
     while value >= 0x80 {
@@ -116,7 +117,7 @@ fn number(mut value: u64) -> Vec<u8> {
     bytes
 }
 
-/// The cookie of an answer to [`INIT`].
+/// Extracts the cookie of an answer to [`INIT`].
 fn cookie_of(answer: &[u8]) -> Vec<u8> {
     let name = usize::from(answer[2] >> 4) + 1;
     let sizes = if answer[0] & SIZES == 0 { 0 } else { 3 };

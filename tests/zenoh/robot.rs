@@ -7,12 +7,12 @@ use zenoh::Session;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
-pub use crate::session::{PATIENCE, client, open, with_password};
+pub use crate::zenoh::session::{PATIENCE, client, open, with_password};
 
 /// Time of the first sample, ns.
 const FIRST_NS: i64 = 1_700_000_000_000_000_000;
 
-/// A drive sample, each with a stamp of its own.
+/// Makes a drive sample, each with a stamp of its own.
 pub fn sample(number: u64) -> Vec<u8> {
     let stamp = Time::from_ns(FIRST_NS + 10_000_000 * number as i64).unwrap();
     let drive = AckermannDrive {
@@ -26,13 +26,13 @@ pub fn sample(number: u64) -> Vec<u8> {
     AckermannDriveStamped { header, drive }.to_cdr()
 }
 
-/// The wheel odometry of a robot's key, once somebody listens to it: nothing is kept back at the
-/// sender. A publisher waits for room, so that what does not arrive was refused.
+/// Declares the wheel odometry of a robot's key, and returns it once it has a subscriber: the
+/// sender holds nothing back. The publisher waits for room, so that missing messages were refused.
 pub async fn stream(session: &Session, robot: &str) -> Publisher<'static> {
     stream_on(session, &format!("fleet/{robot}/wheel_odometry")).await
 }
 
-/// The same of any key.
+/// Declares a publisher of any key likewise.
 pub async fn stream_on(session: &Session, key: &str) -> Publisher<'static> {
     let publisher = session
         .declare_publisher(key.to_owned())
@@ -49,14 +49,14 @@ pub async fn stream_on(session: &Session, key: &str) -> Publisher<'static> {
     publisher
 }
 
-/// Sends so many samples.
+/// Sends a number of samples.
 pub async fn send(publisher: &Publisher<'_>, samples: u64) {
     for number in 0..samples {
         publisher.put(sample(number)).await.unwrap();
     }
 }
 
-/// How many answer a question.
+/// Counts the answers to a query.
 pub async fn answers(session: &Session, key: &str) -> usize {
     let asked = session.get(key).timeout(Duration::from_secs(2));
     let replies = asked.await.unwrap();

@@ -16,13 +16,13 @@ use super::robot;
 
 /// A router that runs.
 pub enum Router {
-    /// `zenohd`, or another process in its place, and where it says what goes wrong.
+    /// `zenohd`, or another process in its place, and its log.
     Process(Child, PathBuf),
     /// A session of this process.
     Session(Session),
 }
 
-/// The threads of a router, as the example gives them to it.
+/// Returns the threads of a router, as in the example.
 fn deployed_runtime() -> &'static str {
     let unit = include_str!("../../examples/deploy/cluster/zenohd.service");
     let mut lines = unit.lines();
@@ -31,7 +31,7 @@ fn deployed_runtime() -> &'static str {
 }
 
 impl Router {
-    /// Starts one with a native configuration.
+    /// Starts a router with a native configuration.
     pub async fn start(config: &Path) -> Self {
         if env::var_os("FLEETCAL_ZENOHD").is_some() {
             return Self::start_process(config);
@@ -41,7 +41,7 @@ impl Router {
         Self::Session(opened.unwrap().unwrap())
     }
 
-    /// Starts one that shares no process with the test: `zenohd`, or what stands in for it.
+    /// Starts a router that shares no process with the test: `zenohd`, or its replacement.
     pub fn start_process(config: &Path) -> Self {
         let zenohd = env::var_os("FLEETCAL_ZENOHD");
         let zenohd = zenohd.unwrap_or_else(|| env!("CARGO_BIN_EXE_fleetcal-router").into());
@@ -56,7 +56,7 @@ impl Router {
         Self::Process(started.unwrap(), log)
     }
 
-    /// The process that it is in.
+    /// Returns its process.
     pub fn pid(&self) -> u32 {
         match self {
             Self::Process(child, _) => child.id(),
@@ -64,7 +64,7 @@ impl Router {
         }
     }
 
-    /// Fails when it has ended by itself, with what it said.
+    /// Asserts that it has not ended by itself, with its log.
     pub fn assert_runs(&mut self) {
         if let Self::Process(child, log) = self {
             let ended = child.try_wait().unwrap();

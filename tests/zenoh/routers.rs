@@ -16,8 +16,8 @@ use super::robot;
 use super::router::Router;
 use super::session;
 
-/// Writes the configuration of the router of a name, which lets robots and the other router in and
-/// connects to it; gives where it is.
+/// Writes the configuration of the router of a name, which admits robots and the other router and
+/// connects to it; returns its path.
 pub fn configured(
     authority: &Authority,
     folder: &Path,

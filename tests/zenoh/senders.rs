@@ -11,9 +11,9 @@ use zenoh::pubsub::Publisher;
 use super::floods::Crowd;
 use super::robot;
 
-/// Messages that each of two senders sends: a second of wheel odometry.
+/// Messages of each of two senders: a second of wheel odometry.
 const OF_EACH: u64 = 100;
-/// Between two messages: that each arrives before the next is sent, over whichever connection.
+/// Pause between two messages: each arrives before the next is sent, over any connection.
 const STEP: Duration = Duration::from_millis(5);
 
 fn is_warned_of(service: &Service) -> bool {

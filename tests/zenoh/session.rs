@@ -6,10 +6,10 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use zenoh::{Config, Session, Wait};
 
-/// Longest wait for a connection, or for somebody who listens.
+/// Longest wait for a connection, or for a subscriber.
 pub const PATIENCE: Duration = Duration::from_secs(30);
 
-/// A client's configuration, with `transport` as Zenoh has it.
+/// Makes a client's configuration, with `transport` in Zenoh's form.
 pub fn client(endpoint: &str, transport: &Value) -> Value {
     json!({
         "mode": "client",
@@ -19,14 +19,14 @@ pub fn client(endpoint: &str, transport: &Value) -> Value {
     })
 }
 
-/// A client that shows a password.
+/// Makes the configuration of a client with a password.
 pub fn with_password(endpoint: &str, user: &str, password: &str) -> Value {
     let auth = json!({ "auth": { "usrpwd": { "user": user, "password": password } } });
     client(endpoint, &auth)
 }
 
-/// The transport of a client that knows the authority whose certificate is `ca.pem` in a folder; with
-/// a name, one that shows the certificate of that name in it.
+/// Makes the transport of a client that knows the authority whose certificate is `ca.pem` in a
+/// folder; with a name, it has the certificate of that name.
 pub fn tls(folder: &Path, name: Option<&str>) -> Value {
     let path = |file: &str| folder.join(file).display().to_string();
     let mut tls = json!({ "root_ca_certificate": path("ca.pem") });
@@ -38,7 +38,7 @@ pub fn tls(folder: &Path, name: Option<&str>) -> Value {
     json!({ "link": { "tls": tls } })
 }
 
-/// Opens a session, or says why not.
+/// Opens a session, or returns the reason of its refusal.
 pub async fn open(config: Value) -> Result<Session, String> {
     let config = Config::from_json5(&config.to_string()).unwrap();
     let opened = tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await;

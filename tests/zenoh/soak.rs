@@ -11,23 +11,23 @@ use tempfile::TempDir;
 use super::flood_kinds::KINDS;
 use super::floods::{Crowd, List, ROBOTS, SESSIONS, database_bytes, started};
 
-/// Minutes unless `SOAK_MINUTES` says otherwise.
+/// Default duration, min; `SOAK_MINUTES` sets another.
 const MINUTES: u64 = 120;
 /// Parts of the whole: one without a flood and one with each kind, twice.
 const PERIODS: u64 = 2 * (1 + KINDS.len() as u64);
-/// The period beside which the others' growth of database and log is seen.
+/// Name of the period against which the others' growth of database and log is compared.
 const NOTHING: &str = "nothing";
-/// What is asked of the process.
+/// Memory limit of the process, bytes.
 const MEMORY_MAX_BYTES: u64 = 256 << 20;
 const GROWTH_MAX_BYTES_PER_H: f64 = (1 << 20) as f64;
 const OTHERS_MAX: usize = 2;
-/// Threads that have no work end after 10 s (tokio's default): what is counted sooner is work that has
-/// just ended.
+/// Time after which idle threads have ended, 10 s by tokio's default: a count before includes work
+/// that has just ended.
 const IDLE_THREADS_GONE_AFTER: Duration = Duration::from_secs(12);
-/// How often that is waited for.
+/// Number of such waits.
 const SETTLES_WITHIN: usize = 5;
 
-/// What the process holds at the end of a period.
+/// Resources of the process at the end of a period.
 #[derive(Debug, Clone, Copy)]
 struct Held {
     memory_bytes: u64,
@@ -54,7 +54,7 @@ impl Held {
 }
 
 impl Held {
-    /// What it holds once no more threads end.
+    /// Measures it once no more threads end.
     fn when_settled(service: &Service) -> Self {
         let mut held = Self::by(service);
         for _ in 0..SETTLES_WITHIN {
@@ -68,7 +68,7 @@ impl Held {
     }
 }
 
-/// Median of the slopes between all pairs (Theil and Sen), bytes a period.
+/// Returns the median of the slopes between all pairs (Theil and Sen), bytes a period.
 fn slope(held: &[Held]) -> f64 {
     let mut slopes = Vec::new();
     for (from, first) in held.iter().enumerate() {
@@ -81,7 +81,7 @@ fn slope(held: &[Held]) -> f64 {
     slopes.get(slopes.len() / 2).copied().unwrap_or_default()
 }
 
-/// A period: the robots drive, and for a sixth of it something is done to the service.
+/// Runs a period: the robots drive, and for a sixth of it the service is attacked.
 fn period(service: &Service, recording: &Path, kind: &str, seconds: u64) {
     let (drive_s, robots) = (seconds.to_string(), ROBOTS.to_string());
     let endpoint = service.endpoint();

@@ -13,19 +13,19 @@ use super::lists::{received, wait_until_received};
 use super::raw_peer::{Channel, RawPeer};
 use super::{robot, session};
 
-/// Samples of a robot beside each way of the sessions.
+/// Samples of a robot beside each attack of the sessions.
 const SAMPLES: u64 = 200;
-/// What a service may grow by beside the limit, while messages are copied and pages go back.
+/// Growth of a service beyond the limit while messages are copied and pages are returned, bytes.
 const BESIDE_BYTES: u64 = 48 << 20;
 /// Number of long fragments, and the bytes of one, a batch nearly: together close to the largest message.
 const LONG: (u64, usize) = (40, 48_000);
-/// Sessions that begin messages on every channel there is.
+/// Sessions that begin messages on all channels.
 const SESSIONS: u128 = 12;
-/// Looks at the memory while messages are taken in.
+/// Measurements of the memory while messages are received.
 const LOOKS: u32 = 20;
 const LOOK_EVERY: Duration = Duration::from_millis(25);
 
-/// The usual channels of a session, and all of them.
+/// Returns the usual channels of a session, and all of them.
 fn channels(priorities: &[Option<u8>]) -> Vec<Channel> {
     let both = |&priority| {
         [true, false].map(|is_reliable| Channel {
@@ -36,7 +36,8 @@ fn channels(priorities: &[Option<u8>]) -> Vec<Channel> {
     priorities.iter().flat_map(both).collect()
 }
 
-/// Growth of a service while each of these sessions begins a message on each of these channels.
+/// Returns the growth of a service while each of these sessions begins a message on each of these
+/// channels.
 async fn grown(
     service: &Service,
     zids: Range<u128>,

@@ -11,6 +11,10 @@ import { fileURLToPath } from 'node:url';
 const READY_WITHIN_MS = 30_000;
 const STOPPED_WITHIN_MS = 10_000;
 const LOG_LINES_MAX = 60;
+/** Stamp that the first drive begins with, s since 1970, */
+const FIRST_DRIVE_S = 1_760_000_000;
+/** and how much later the next one does. */
+const BETWEEN_DRIVES_S = 300;
 
 /** The administrator of every service that a test starts, the demo's apart. */
 export const ADMIN = { name: 'ada', password: 'correct horse battery' };
@@ -66,6 +70,7 @@ export class Service {
   #folder: string;
   #process: ChildProcess | undefined;
   #robots: ChildProcess | undefined;
+  #drives = 0;
   #log: string[] = [];
   /** What it printed for people, whole. */
   #printed = '';
@@ -176,15 +181,26 @@ export class Service {
     this.#robots = spawn(binary(), flags, { stdio: 'ignore' });
   }
 
-  /** Drives a recording of a simulated robot, `tugger_01`, drawn from `seed`; as fast as the service works. */
-  async drive(seed: number, duration_s: number): Promise<void> {
-    const path = join(this.#folder, `seed-${seed}.mcap`);
-    const record = ['--record', path, '--seed', String(seed), '--duration', String(duration_s)];
-    await once(spawn(binary(), ['simulate', ...record], { stdio: 'ignore' }), 'exit');
-    const replay = ['replay', path, '--rate', 'max', '--robot', 'tugger_01'];
-    const sent = spawn(binary(), [...replay, '--connect', this.zenoh], { stdio: 'ignore' });
-    const [status] = (await once(sent, 'exit')) as [number | null];
-    if (status !== 0) throw new Error(`the recording was not sent: ${status}`);
+  /**
+   * Drives a recording of the simulated robot `tugger_01`, later than those before, as fast as the service works:
+   * with its LiDAR turned by so much.
+   */
+  async drive(duration_s: number, turned_deg = 0): Promise<void> {
+    const start_s = FIRST_DRIVE_S + this.#drives * BETWEEN_DRIVES_S;
+    this.#drives += 1;
+    const path = join(this.#folder, `drive-${start_s}.mcap`);
+    const record = ['--record', path, '--start-stamp', String(start_s)];
+    const robot = ['--duration', String(duration_s), '--turn-lidar', String(turned_deg)];
+    await this.#execute(['simulate', ...record, ...robot]);
+    const sent = ['replay', path, '--rate', 'max', '--robot', 'tugger_01'];
+    await this.#execute([...sent, '--connect', this.zenoh]);
+  }
+
+  /** Has the binary do something, to the end. */
+  async #execute(command: string[]): Promise<void> {
+    const ended = once(spawn(binary(), command, { stdio: 'ignore' }), 'exit');
+    const [status] = (await ended) as [number | null];
+    if (status !== 0) throw new Error(`fleetcal ${command.join(' ')}: ${status}`);
   }
 
   /** The same of a robot that speaks ROS 2 alone, by `rmw_zenoh`. */

@@ -2,12 +2,12 @@ import { expect, test } from './fixtures';
 
 test.use({ command: 'serve', own: 'reassembly', as: 'admin' });
 
-/** Draw of the robot. */
-const SEED = 1;
 /** With the loops of the simulated drive, some 60 m at 1 m/s. */
 const DRIVE_S = 70;
+/** By how much the LiDAR's yaw moves in the workshop. */
+const TURNED_DEG = 1.2;
 
-test('a reassembly is reported by touch, and no verdict is made up', async ({
+test('the verdict on a reassembly appears on the open page, by touch', async ({
   browser,
   service,
 }) => {
@@ -24,7 +24,7 @@ test('a reassembly is reported by touch, and no verdict is made up', async ({
     data: { model: 'bicycle', wheelbase_m: 1.2 },
   });
   expect(put.ok()).toBe(true);
-  await service.drive(SEED, DRIVE_S);
+  await service.drive(DRIVE_S);
   await page.goto('/robots/tugger_01');
   const verdict = page.locator('section').filter({
     has: page.getByRole('heading', { name: 'After the reassembly' }),
@@ -46,5 +46,14 @@ test('a reassembly is reported by touch, and no verdict is made up', async ({
   // Longer than any answer takes: nothing is made up meanwhile.
   await page.waitForTimeout(11_000);
   await expect(verdict).toContainText('Not known yet');
+  await service.drive(DRIVE_S, TURNED_DEG);
+  await expect(verdict).toContainText('Changed');
+  await expect(verdict).toContainText(/LiDAR yaw by \+?1\.(19|20)\d*°/);
+
+  await report('LiDAR cleaned');
+  await service.drive(DRIVE_S, TURNED_DEG);
+  await expect(verdict).toContainText('Unchanged');
+  const confirmed = page.getByRole('listitem').filter({ hasText: 'Calibration confirmed' });
+  await expect(confirmed).toContainText('It agrees with the calibration of before.');
   await context.close();
 });

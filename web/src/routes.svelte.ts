@@ -1,4 +1,4 @@
-/** Which page an address shows, by the browser's History API. */
+/** Maps addresses to pages, by the browser's History API. */
 
 export const SETTINGS = ['policy', 'users', 'tokens', 'webhooks'] as const;
 export type Setting = (typeof SETTINGS)[number];
@@ -17,7 +17,7 @@ export type Route =
   | { page: 'help' }
   | { page: 'missing'; path: string };
 
-/** Pages that are an address and nothing else. */
+/** Pages whose address has no parameters. */
 const PLAIN: Record<string, Route> = {
   '/': { page: 'fleet' },
   '/approvals': { page: 'approvals' },
@@ -30,10 +30,10 @@ const PLAIN: Record<string, Route> = {
   '/help': { page: 'help' },
 };
 
-/** Addresses of the service that are no pages of ours: the browser follows them itself. */
+/** Addresses of the service outside the dashboard, which the browser follows itself. */
 const ELSEWHERE = /^\/(api|docs|licenses\.md)(\/|$)/;
 
-/** The page at `path`. */
+/** Returns the page at `path`. */
 export function route(path: string): Route {
   const plain = Object.hasOwn(PLAIN, path) ? PLAIN[path] : undefined;
   if (plain) return plain;
@@ -54,17 +54,17 @@ export function route(path: string): Route {
   }
 }
 
-/** The address of a proposal's page. */
+/** Returns the address of a proposal's page. */
 export function proposalPath(id: number): string {
   return `/approvals/${id}`;
 }
 
-/** The address of a robot's page. */
+/** Returns the address of a robot's page. */
 export function robotPath(id: string): string {
   return `/robots/${encodeURIComponent(id)}`;
 }
 
-/** The address with some of its query parameters changed; `null` takes one away. */
+/** Returns the address with some query parameters changed; `null` removes one. */
 export function withQuery(url: URL, changes: Record<string, string | null>): string {
   const query = new URLSearchParams(url.search);
   for (const [key, value] of Object.entries(changes)) {
@@ -75,10 +75,10 @@ export function withQuery(url: URL, changes: Record<string, string | null>): str
   return url.pathname + (text === '' ? '' : `?${text}`);
 }
 
-/** A page that is still read replaces its heading within this time. */
+/** Time within which a page that is still loading replaces its heading. */
 const HEADING_WITHIN_MS = 3_000;
 
-/** Puts the focus on the page's heading, and again on the one that takes its place. */
+/** Focuses the page's heading, and again the one that replaces it. */
 function focusHeading(): void {
   const heading = () => document.querySelector<HTMLElement>('h1');
   requestAnimationFrame(() => heading()?.focus());
@@ -89,19 +89,21 @@ function focusHeading(): void {
   setTimeout(() => observer.disconnect(), HEADING_WITHIN_MS);
 }
 
-/** A page that is still read has the height that it was left at within this time. */
+/**
+ * Time within which a page that is still loading reaches the height at which the reader left it.
+ */
 const HEIGHT_WITHIN_MS = 3_000;
-/** Where the reader has scrolled to is kept when the page has rested for so long. */
+/** Rest after which the scroll position is stored. */
 const SCROLL_RESTS_MS = 120;
-/** What a reader does who no longer wants to be brought back. */
+/** Input events that end the restoring of the scroll position. */
 const MOVES = ['wheel', 'touchmove', 'keydown', 'pointerdown'] as const;
 
-/** Where the reader was in the entry of the browser's history that is shown. */
+/** Scroll position of the current entry of the browser's history. */
 interface Entry {
   scroll_px?: number;
 }
 
-/** Goes back to where the reader was, as soon as the page is high enough; returns how to stop. */
+/** Restores the scroll position once the page is high enough; returns a function that stops it. */
 function scrollBack(to_px: number): () => void {
   const until_ms = performance.now() + HEIGHT_WITHIN_MS;
   let going = true;
@@ -123,7 +125,7 @@ function scrollBack(to_px: number): () => void {
   return stop;
 }
 
-/** Goes to what a fragment names, as soon as the page has it, and puts the focus there. */
+/** Goes to the element that a fragment names, as soon as it is there, and focuses it. */
 function goToFragment(hash: string): void {
   const until_ms = performance.now() + HEIGHT_WITHIN_MS;
   const step = () => {
@@ -136,16 +138,18 @@ function goToFragment(hash: string): void {
   requestAnimationFrame(step);
 }
 
-/** Where the reader is. Everything that depends on the address derives from it. */
+/** Current address. Everything that depends on the address derives from it. */
 class Place {
   url = $state.raw(new URL(globalThis.location?.href ?? 'http://localhost/'));
   route = $derived(route(this.url.pathname));
-  /** Whether the reader came by the browser's history: what was shown before is wanted again. */
+  /** True if the reader came by the browser's history and expects the earlier state of the page. */
   returned = false;
   #resting: ReturnType<typeof setTimeout> | undefined;
   #scrolling: () => void = () => undefined;
 
-  /** Goes to an address of ours. A change of page starts at its top, with its heading in focus. */
+  /**
+   * Goes to an address of the dashboard. A new page starts at its top, with its heading in focus.
+   */
   go(href: string, replace = false): void {
     const next = new URL(href, this.url);
     const samePage = next.pathname === this.url.pathname;
@@ -161,7 +165,7 @@ class Place {
     else goToFragment(next.hash);
   }
 
-  /** Follows links and the back button; returns how to stop. */
+  /** Follows links and the back button; returns a function that stops it. */
   listen(): () => void {
     const onPop = () => {
       clearTimeout(this.#resting);
@@ -199,7 +203,7 @@ class Place {
     };
   }
 
-  /** Keeps where the reader is in the entry of the history that is shown. */
+  /** Stores the scroll position in the current entry of the browser's history. */
   #keepScroll(): void {
     clearTimeout(this.#resting);
     const entry: Entry = { scroll_px: scrollY };

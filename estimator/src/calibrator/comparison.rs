@@ -8,8 +8,9 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
+use crate::claim::Claim;
+use crate::claim::encoder::ENCODER_SIGMA_M;
 use crate::estimate::{Cause, Parameter};
-use crate::filter::encoder::{ENCODER_SIGMA_M, EncoderVariance};
 use crate::filter::{ParameterCovariance, Values, padded};
 use crate::geometry::wrap_angle_rad;
 use crate::settings::EstimatorSettings;
@@ -111,18 +112,9 @@ impl Comparison {
         self
     }
 
-    /// The covariance that is told of it.
-    pub fn told_covariance(&self) -> ParameterCovariance {
-        self.covariance + ParameterCovariance::from_diagonal(&self.undriven)
-    }
-
-    /// What of the variance of the LiDAR's `y` is told for an encoder beside the axle's middle.
-    pub fn encoder_variance(&self) -> EncoderVariance {
-        let undriven_m2 = self.undriven[Parameter::LidarY.index()];
-        EncoderVariance {
-            told_m2: undriven_m2,
-            undriven_m2,
-        }
+    /// The claim that is published of it.
+    pub fn claim(&self, settings: &EstimatorSettings) -> Claim {
+        Claim::of_stored(self.values, &self.covariance, self.undriven, settings)
     }
 
     /// The same without the uncertainties that [`Self::verdict`] does not ask for.

@@ -12,7 +12,6 @@ use crate::filter::prior::Prior;
 use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
 use crate::initial_guess::{agrees_with, initial_guess};
 use crate::lidar_odometry::MisledBy;
-use crate::settings::Measurement;
 use crate::stream::{Effect, RobotTime};
 use crate::trust::Trust;
 use crate::vehicle::SteeringResponse;
@@ -209,9 +208,7 @@ impl Calibrator {
         self.former_mount = None;
         self.failed_pass = None;
         self.session.began_in_motion = self.drove_throughout();
-        // The paper's filter knows none of what goes wrong on the way, and keeps its first anchor for ever.
-        let is_clone = config.settings.measurement == Measurement::Clone;
-        if self.session.began_in_motion && is_clone {
+        if self.session.began_in_motion {
             self.plan_second_pass(prior);
         }
         self.follow_again(Follower::new(filter), None);
@@ -259,22 +256,27 @@ impl Calibrator {
     }
 
     /// The vehicle has changed: go back to before the onset, open what moved, and follow again, so
-    /// that nothing which was absorbed since then stays in the other parameters.
+    /// that nothing which was absorbed since then stays in the other parameters. While a reassembly is open
+    /// nothing is reported: its verdict says what has moved since before it.
     fn change(&mut self, detected: &Detected, effects: &mut Vec<Effect>) {
         let (onset, after_onset) = detected.onset;
         self.baseline = None;
         self.second_pass = None;
         let onset_s = self.session.seconds_to(onset);
-        let before = self.judge_filter(&detected.filter_before);
-        self.session.close_segment(onset_s, before);
+        if !self.reassembly_open {
+            let before = self.judge_filter(&detected.filter_before);
+            self.session.close_segment(onset_s, before);
+        }
 
         let mut filter = detected.filter_before.clone();
         filter.lose_anchor();
         filter.reopen(&detected.parameters, change_sigma);
         self.watch.restart();
         self.follow_again(Follower::new(filter), Some(after_onset));
-        let kind = ChangeKind::CalibrationChanged;
-        self.report(kind, detected.cause, onset_s, &detected.parameters, effects);
+        if !self.reassembly_open {
+            let kind = ChangeKind::CalibrationChanged;
+            self.report(kind, detected.cause, onset_s, &detected.parameters, effects);
+        }
     }
 
     /// Starts the filter from scratch, to be compared with what is known so far. The floor's caller puts the
@@ -288,7 +290,7 @@ impl Calibrator {
             let is_worth_it = self.is_proven() && knows_enough(&covariance, settings);
             if self.comparison.is_none() && is_worth_it {
                 let stored = Comparison::new(occasion, values, &covariance, settings);
-                self.comparison = Some(stored.told_with(&self.told_of(filter).covariance));
+                self.comparison = Some(stored.told_with(self.claim_of(filter).covariance()));
             }
         }
         if let Some(comparison) = self.comparison.as_mut()

@@ -10,7 +10,7 @@ mod second_pass;
 mod session;
 mod top_view;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 pub use checkpoint::{Checkpoint, CheckpointRefused};
 pub use config::CalibratorConfig;
@@ -19,27 +19,31 @@ pub use top_view::{TopView, TopViewLimits, TrajectoryPoint};
 use comparison::{Comparison, Occasion};
 use drift::Baseline;
 use following::Waiting;
-use odometry_watch::OdometryWatch;
+use odometry_watch::{OdometryWatch, is_guess, of_open_direction};
 use second_pass::SecondPass;
 use session::Session;
 
 use crate::advice::ranking::{Floor, Ranked, rank};
 use crate::advice::{Advice, Knowledge, advise};
 use crate::change::ChangeWatch;
+use crate::claim::{self, Claim, reported_covariance};
 use crate::drive_history::DriveHistory;
 use crate::estimate::{
-    Change, Detection, DetectionState, Estimate, Parameter, ParameterEstimates, Segment,
+    Cause, Change, ChangeKind, Detection, DetectionState, Estimate, Parameter, ParameterEstimates,
+    Segment, SigmaSource, SigmaTerm,
 };
 use crate::excitation::Excitation;
-use crate::filter::encoder::EncoderVariance;
 use crate::filter::follow::Follower;
 use crate::filter::prior::Prior;
-use crate::filter::{Filter, OdometryReading, ParameterCovariance, STEERING_PLAY, Values};
+use crate::filter::{Filter, OdometryReading, Values};
 use crate::geometry::Pose2;
-use crate::lidar_odometry::{BeamTimes, LearntScanner, LidarOdometry, ScannerReport};
+use crate::lidar_odometry::{BeamTimes, LearntScanner, LidarOdometry, ScannerReport, Tracking};
 use crate::merge::{Merged, Merger, MergerPosition};
-use crate::stream::{DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, RobotTime};
-use crate::trust::{Grounds, Trust, reported_covariance};
+use crate::settings::Freedom;
+use crate::stream::{
+    DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, RobotTime, Scan,
+};
+use crate::trust::{Grounds, Trust};
 
 /// How far back drive samples and LiDAR poses are kept, s.
 const HISTORY_S: f64 = 60.0;
@@ -47,37 +51,8 @@ const HISTORY_S: f64 = 60.0;
 const WAITING_MAX: usize = 64;
 /// A robot that was silent for longer has been out of sight, and may come back another, s.
 const NEW_SESSION_GAP_S: f64 = 600.0;
-/// Share of half the play by which the steering's zero may be off: which side of it the wheel stands on is
-/// known by where it was sent to, not by where it went.
-const PLAY_SHARE: f64 = 0.1;
-/// By how much the body of a vehicle that only circles may point away from where its rear axle rolls, one
-/// standard deviation, rad (0.25 degrees): tyres drift, and no circle tells that from the LiDAR's yaw. A real
-/// car that turned right for 142 s claimed a yaw that was 0.87 degrees off.
-const CIRCLING_YAW_SIGMA_RAD: f64 = 0.004_4;
 /// An estimate is told once in this much message time, s.
 const TELL_EVERY_S: f64 = 1.0;
-
-/// What may be told of the parameters.
-#[derive(Debug, Clone, Copy)]
-struct Told {
-    values: Values,
-    covariance: ParameterCovariance,
-    /// What of the variance of the LiDAR's `y` an encoder beside the axle's middle is told for.
-    encoder_variance: EncoderVariance,
-    /// What of the variance of the LiDAR's yaw no turning to one side takes away, rad².
-    circling_variance_rad2: f64,
-}
-
-impl Told {
-    fn new(values: Values, covariance: &ParameterCovariance) -> Self {
-        Self {
-            values,
-            covariance: *covariance,
-            encoder_variance: EncoderVariance::default(),
-            circling_variance_rad2: 0.0,
-        }
-    }
-}
 
 /// One robot's estimator.
 #[derive(Debug, Clone)]
@@ -262,11 +237,17 @@ impl Calibrator {
 
     fn start_session(&mut self, stamp: RobotTime, effects: &mut Vec<Effect>) {
         self.drive.clear();
-        self.waiting.clear();
         self.told = None;
-        self.begin_comparison(Occasion::NewSession);
+        self.come_back(Occasion::NewSession);
         self.session = Session::starting(stamp);
         effects.push(Effect::SessionStarted(stamp));
+    }
+
+    /// The robot may be another one now, in another place: poses and map of before tell nothing of after.
+    fn come_back(&mut self, occasion: Occasion) {
+        self.waiting.clear();
+        self.lidar_odometry.begin_anew();
+        self.begin_comparison(occasion);
     }
 
     fn drop_message(&mut self, dropped: Dropped, effects: &mut Vec<Effect>) {
@@ -297,7 +278,7 @@ impl Calibrator {
         let vehicle = &self.config.vehicle;
         self.session.count_drive(&sample, vehicle, last);
         if last.is_some_and(|last| sample.stamp().seconds_since(last) > NEW_SESSION_GAP_S) {
-            self.begin_comparison(Occasion::NewSession);
+            self.come_back(Occasion::NewSession);
         }
         self.drive.push(sample);
     }
@@ -308,15 +289,44 @@ impl Calibrator {
             NoteKind::PowerOn => Occasion::NewSession,
             NoteKind::Maintenance => return,
         };
-        // Poses of before tell nothing of after.
-        self.waiting.clear();
-        self.begin_comparison(occasion);
+        self.come_back(occasion);
         if self.session.began.is_some() {
             // Nobody should use for another second what holds no more.
             self.tell(effects);
         }
     }
 
+    fn take_scan(&mut self, scan: &Scan, effects: &mut Vec<Effect>) {
+        let pose = self.lidar_odometry.process(scan);
+        let pose = pose.filter(|pose| pose.tracking != Tracking::Lost);
+        let is_guess = pose.as_ref().is_none_or(is_guess);
+        let (distance_m, time_s) = (self.session.distance_m, self.session.duration_s());
+        let lost_since_s = self.odometry_watch.note(is_guess, distance_m, time_s);
+        if let Some(onset_s) = lost_since_s
+            && !self.watch.has_fault()
+        {
+            self.report(ChangeKind::Fault, Cause::Odometry, onset_s, &[], effects);
+        }
+        let Some(pose) = pose else {
+            self.drop_message(Dropped::UnusableScan, effects);
+            return;
+        };
+        if let Some(by) = pose.misled_by {
+            self.unlearn(by);
+        }
+        let reading = OdometryReading {
+            stamp: pose.stamp,
+            lidar_in_odom: pose.lidar_in_odom,
+            covariance: pose.covariance + of_open_direction(pose.unconstrained_rad),
+        };
+        let restarted = pose.map_restarted || pose.tracking == Tracking::Recovered;
+        self.wait(Waiting {
+            reading,
+            is_guess,
+            restarted,
+            in_new_map: pose.map_restarted,
+        });
+    }
     fn take_pose(&mut self, pose: &LidarPose) {
         let settings = &self.config.settings;
         let own = nalgebra::Vector3::new(
@@ -394,27 +404,47 @@ impl Calibrator {
         stored.filter(|comparison| comparison.occasion == Occasion::NewSession)
     }
 
-    /// What is to be said of the vehicle now: a stored calibration holds until it is contradicted,
-    /// unless somebody said that the vehicle was taken apart.
+    /// The claim about the vehicle now: a stored calibration holds until it is contradicted, unless
+    /// somebody said that the vehicle was taken apart.
+    fn claim(&self) -> Claim {
+        let settings = &self.config.settings;
+        match (self.held(), self.filter()) {
+            (Some(held), _) => held.claim(settings),
+            // Errors that last for metres: the filter takes them as independent.
+            (None, Some(filter)) => self.claim_of(filter),
+            (None, None) => {
+                let Prior {
+                    values, covariance, ..
+                } = &self.prior;
+                Claim::new(SigmaSource::Prior, *values, covariance, settings)
+            }
+        }
+    }
+
+    /// The terms of each published sigma; none of a parameter that is off.
+    pub fn sigma_terms(&self) -> BTreeMap<Parameter, Vec<SigmaTerm>> {
+        let claim = self.claim();
+        let settings = &self.config.settings;
+        let published = |parameter: &Parameter| settings.freedom(*parameter) != Freedom::Off;
+        Parameter::ALL
+            .into_iter()
+            .filter(published)
+            .map(|parameter| (parameter, claim.sigma_terms(parameter)))
+            .collect()
+    }
+
+    /// The estimate that is published now, and the trust that it leaves.
     fn judged(&self) -> (Trust, Estimate) {
         let mut trust = self.trust.clone();
-        let told = match (self.held(), self.filter()) {
-            (Some(held), _) => Told {
-                encoder_variance: held.encoder_variance(),
-                ..Told::new(held.values, &held.told_covariance())
-            },
-            // Errors that last for metres: the filter takes them as independent.
-            (None, Some(filter)) => self.told_of(filter),
-            (None, None) => Told::new(self.prior.values, &self.prior.covariance),
-        };
-        let parameters = self.judge(&mut trust, &told);
+        let claim = self.claim();
+        let parameters = self.judge(&mut trust, &claim);
         let now = self.drive.now();
         let base_in_odom = self.filter().and_then(Filter::base_in_odom);
         let estimate = Estimate {
             stamp: self.session.now,
             time_s: self.session.duration_s(),
             distance_m: self.session.distance_m,
-            covariance: reported_covariance(&parameters, &told.covariance),
+            covariance: reported_covariance(&parameters, claim.covariance()),
             parameters,
             reassembly_open: self.reassembly_open,
             detection: self.detection(),
@@ -426,7 +456,7 @@ impl Calibrator {
         (trust, estimate)
     }
 
-    fn judge(&self, trust: &mut Trust, told: &Told) -> ParameterEstimates {
+    fn judge(&self, trust: &mut Trust, claim: &Claim) -> ParameterEstimates {
         let prior_sigma = Values::from_fn(|i, _| self.prior.covariance[(i, i)].sqrt());
         trust.judge(&Grounds {
             now: self.session.now,
@@ -434,13 +464,12 @@ impl Calibrator {
             blind: self.blind(),
             lacks_beam_times: self.lacks_beam_times(),
             has_impossible_steering: self.session.has_impossible_steering(),
-            encoder_variance: told.encoder_variance,
-            circling_variance_rad2: told.circling_variance_rad2,
+            claim,
             one_sidedness: self.session.excitation.one_sidedness(),
             knowledge: Knowledge {
                 vehicle: &self.config.vehicle,
-                values: &told.values,
-                covariance: &told.covariance,
+                values: claim.values(),
+                covariance: claim.covariance(),
                 settings: &self.config.settings,
             },
         })
@@ -471,42 +500,30 @@ impl Calibrator {
 
     /// The parameters as a filter of this session saw them.
     fn judge_filter(&self, filter: &Filter) -> ParameterEstimates {
-        self.judge(&mut self.trust.clone(), &self.told_of(filter))
+        self.judge(&mut self.trust.clone(), &self.claim_of(filter))
     }
 
-    /// What may be told of a filter's parameters.
-    fn told_of(&self, filter: &Filter) -> Told {
-        let long_run = self.watch.long_run();
-        let covariance = filter.parameter_covariance();
-        let scatter = long_run.scatter(&covariance);
-        let mut known = filter.known(scatter.ratios());
-        known.covariance = long_run.scatter(&known.covariance).publish();
-        let mut told = Told::new(known.values, &known.covariance);
-        let compound = filter.probability_of_every_imperfection(scatter.ratios());
-        told.encoder_variance = known.encoder_variance(filter, &self.config.vehicle, compound);
-        let [offset, y] = [Parameter::SteeringOffset, Parameter::LidarY].map(Parameter::index);
-        told.covariance[(y, y)] += told.encoder_variance.told_m2;
-        let yaw = Parameter::LidarYaw.index();
-        told.circling_variance_rad2 =
-            CIRCLING_YAW_SIGMA_RAD.powi(2) * self.session.excitation.circling();
-        told.covariance[(yaw, yaw)] += told.circling_variance_rad2;
-        let straight_rad = told.values[offset];
-        told.covariance[(offset, offset)] +=
-            self.drive.repeated_reading_variance_rad2(straight_rad)
-                + (PLAY_SHARE * told.values[STEERING_PLAY]).powi(2)
-                + Filter::compound_zero_variance_rad2(
-                    compound,
-                    self.session.excitation.one_sidedness(),
-                    !self.session.began_in_motion,
-                );
-        told
+    /// The claim of a filter of this session.
+    fn claim_of(&self, filter: &Filter) -> Claim {
+        let grounds = claim::Grounds {
+            vehicle: &self.config.vehicle,
+            settings: &self.config.settings,
+            long_run: self.watch.long_run(),
+            drive: &self.drive,
+            excitation: &self.session.excitation,
+            saw_start: !self.session.began_in_motion,
+        };
+        Claim::of_filter(filter, &grounds)
     }
 
     /// Stored values, with the uncertainty of now.
     fn judge_values(&self, values: &Values) -> ParameterEstimates {
-        let covariance = self
+        let (source, covariance) = self
             .filter()
-            .map_or(self.prior.covariance, Filter::parameter_covariance);
-        self.judge(&mut self.trust.clone(), &Told::new(*values, &covariance))
+            .map_or((SigmaSource::Prior, self.prior.covariance), |filter| {
+                (SigmaSource::Filter, filter.parameter_covariance())
+            });
+        let claim = Claim::new(source, *values, &covariance, &self.config.settings);
+        self.judge(&mut self.trust.clone(), &claim)
     }
 }

@@ -1,14 +1,8 @@
-//! Supervision of the LiDAR odometry: a corridor leaves its axis open, a hall without features
-//! everything.
+//! Watch over the LiDAR odometry: a corridor leaves its axis open, a hall without features everything.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::Calibrator;
-use super::following::Waiting;
-use crate::estimate::{Cause, ChangeKind};
-use crate::filter::OdometryReading;
-use crate::lidar_odometry::{OdometryPose, Tracking};
-use crate::stream::{Dropped, Effect, Scan};
+use crate::lidar_odometry::OdometryPose;
 
 /// A pose that is known no better along some direction is a guess, m (one sigma).
 const GUESS_SIGMA_M: f64 = 0.05;
@@ -28,7 +22,7 @@ pub(super) struct OdometryWatch {
 impl OdometryWatch {
     /// Notes a scan at this distance (m) and time (s) of the session. When the odometry becomes lost
     /// with it, gives the time since when.
-    fn note(&mut self, is_guess: bool, distance_m: f64, time_s: f64) -> Option<f64> {
+    pub fn note(&mut self, is_guess: bool, distance_m: f64, time_s: f64) -> Option<f64> {
         let (last_m, last_s) = *self.last_known.get_or_insert((distance_m, time_s));
         if !is_guess || distance_m < last_m {
             *self = Self {
@@ -48,42 +42,8 @@ impl OdometryWatch {
     }
 }
 
-impl Calibrator {
-    pub(super) fn take_scan(&mut self, scan: &Scan, effects: &mut Vec<Effect>) {
-        let pose = self.lidar_odometry.process(scan);
-        let pose = pose.filter(|pose| pose.tracking != Tracking::Lost);
-        let is_guess = pose.as_ref().is_none_or(is_guess);
-        let (distance_m, time_s) = (self.session.distance_m, self.session.duration_s());
-        let lost_since_s = self.odometry_watch.note(is_guess, distance_m, time_s);
-        if let Some(onset_s) = lost_since_s
-            && !self.watch.has_fault()
-        {
-            self.report(ChangeKind::Fault, Cause::Odometry, onset_s, &[], effects);
-        }
-        let Some(pose) = pose else {
-            self.drop_message(Dropped::UnusableScan, effects);
-            return;
-        };
-        if let Some(by) = pose.misled_by {
-            self.unlearn(by);
-        }
-        let reading = OdometryReading {
-            stamp: pose.stamp,
-            lidar_in_odom: pose.lidar_in_odom,
-            covariance: pose.covariance + of_open_direction(pose.unconstrained_rad),
-        };
-        let restarted = pose.map_restarted || pose.tracking == Tracking::Recovered;
-        self.wait(Waiting {
-            reading,
-            is_guess,
-            restarted,
-            in_new_map: pose.map_restarted,
-        });
-    }
-}
-
 /// Whether a pose is not known along some direction.
-fn is_guess(pose: &OdometryPose) -> bool {
+pub(super) fn is_guess(pose: &OdometryPose) -> bool {
     let position = pose.covariance.fixed_view::<2, 2>(0, 0).into_owned();
     let variance_m2 = position.symmetric_eigenvalues().max();
     pose.unconstrained_rad.is_some() || variance_m2 > GUESS_SIGMA_M * GUESS_SIGMA_M
@@ -91,7 +51,7 @@ fn is_guess(pose: &OdometryPose) -> bool {
 
 /// What is not known of a pose whose scene leaves a direction (rad, in the LiDAR's frame) open: the
 /// way along it is wrong for as long as the direction is open, and not from scan to scan.
-fn of_open_direction(unconstrained_rad: Option<f64>) -> Matrix3<f64> {
+pub(super) fn of_open_direction(unconstrained_rad: Option<f64>) -> Matrix3<f64> {
     unconstrained_rad.map_or_else(Matrix3::zeros, |along_rad| {
         let (sin, cos) = along_rad.sin_cos();
         let along = Vector3::new(cos, sin, 0.0) * OPEN_SIGMA_M;

@@ -333,34 +333,37 @@ impl<'a> Scatter<'a> {
         })
     }
 
-    /// The covariance that may be claimed.
-    pub fn claim(&self) -> ParameterCovariance {
+    /// Factors of the errors that may be claimed.
+    pub fn claim_widths(&self) -> Values {
         let least = if self.long_run.is_known() {
             1.0
         } else {
             UNPROVEN_RATIO
         };
-        let widths = self
-            .uncertain(&self.ratios)
-            .map(|ratio| ratio.max(least).sqrt());
-        widened(self.covariance, &widths)
+        self.uncertain(&self.ratios)
+            .map(|ratio| ratio.max(least).sqrt())
     }
 
-    /// The covariance that may be published: as claimed, with slip that outlasts blocks. Where blocks
-    /// scatter more than the filter says, four sigmas are Student's, who knows them from these blocks
+    /// The covariance that may be claimed.
+    pub fn claim(&self) -> ParameterCovariance {
+        widened(self.covariance, &self.claim_widths())
+    }
+
+    /// Factors by which published errors are larger than claimed ones: slip that outlasts blocks, and where
+    /// blocks scatter more than the filter says, four sigmas are Student's, who knows them from these blocks
     /// alone: half a minute of a real tricycle has three of them.
-    pub fn publish(&self) -> ParameterCovariance {
+    pub fn publish_widths(&self) -> Values {
         let mut variances = self.ratios.map(|ratio| {
             let scattering = 1.0 - 1.0 / ratio;
             1.0 + scattering * STUDENT_BLOCKS / self.blocks().max(1.0)
         });
         variances[Parameter::SpeedScale.index()] *= self.lasting_slip();
-        widened(&self.claim(), &variances.map(f64::sqrt))
+        variances.map(f64::sqrt)
     }
 }
 
 /// The covariance of errors that are so many times larger, each.
-fn widened(covariance: &ParameterCovariance, widths: &Values) -> ParameterCovariance {
+pub fn widened(covariance: &ParameterCovariance, widths: &Values) -> ParameterCovariance {
     ParameterCovariance::from_fn(|i, j| widths[i] * covariance[(i, j)] * widths[j])
 }
 
@@ -376,6 +379,10 @@ mod tests {
     use crate::settings::EstimatorSettings;
     use crate::stream::RobotTime;
     use crate::vehicle::{Vehicle, VehicleModel};
+
+    fn publish(scatter: &Scatter) -> ParameterCovariance {
+        widened(&scatter.claim(), &scatter.publish_widths())
+    }
 
     fn ratio(error: impl Fn(usize) -> f64) -> f64 {
         let variance = learnt(Parameter::LidarX, error);
@@ -502,7 +509,7 @@ mod tests {
         let published_over_claimed = |error: &dyn Fn(usize) -> f64| {
             let variance = learnt(Parameter::SpeedScale, error);
             let covariance = ParameterCovariance::identity();
-            let published = variance.scatter(&covariance).publish().diagonal();
+            let published = publish(&variance.scatter(&covariance)).diagonal();
             let wider = published.component_div(&variance.scatter(&covariance).claim().diagonal());
             // What many blocks leave to Student is the same for all.
             wider[Parameter::SpeedScale.index()] / wider[Parameter::LidarX.index()]
@@ -518,7 +525,7 @@ mod tests {
             let variance = learnt_from(windows, Parameter::LidarYaw, |_| error);
             let covariance = ParameterCovariance::identity();
             let i = Parameter::LidarYaw.index();
-            variance.scatter(&covariance).publish()[(i, i)]
+            publish(&variance.scatter(&covariance))[(i, i)]
                 / variance.scatter(&covariance).claim()[(i, i)]
         };
         let four_blocks = published_over_claimed(4 * BLOCK, 1.0);

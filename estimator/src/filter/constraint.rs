@@ -1,4 +1,4 @@
-//! The motion-based calibration constraint, `B X = X Z` (the paper's equation 5), and its
+//! Motion-based calibration constraint, `B X = X Z` (the paper's equation 6), and its
 //! derivatives.
 //!
 //! In the compact form with `X = lidar_in_base`. The paper's expanded equations belong to the

@@ -8,9 +8,7 @@
 //!
 //! Perturbations of poses are right (local) ones: `pose_true = pose * exp(error)`.
 
-mod compound;
 pub mod constraint;
-pub mod encoder;
 pub mod follow;
 pub mod padded;
 mod parameters;
@@ -91,48 +89,13 @@ const NIS_EXCESS_MAX: f64 = 10.0;
 /// Largest noise scale: thirty times the configured standard deviation.
 const NOISE_SCALE_MAX: f64 = 900.0;
 
-/// Which filter this is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Form {
-    /// Exact arcs, an anchor that moves along and whose own error is a state, learnt noise.
-    Clone,
-    /// The paper's: Euler steps, the first pose as anchor for ever and taken as exact, and one
-    /// constant covariance of the LiDAR's motion, its diagonal given here.
-    Anchored {
-        /// The paper's `R_k`: variances of x, y (m^2) and yaw (rad^2).
-        variances: Vector3<f64>,
-    },
-}
-
-impl Form {
-    /// The form that the settings ask for.
-    pub fn of(settings: &EstimatorSettings) -> Self {
-        match settings.measurement {
-            Measurement::Clone => Self::Clone,
-            Measurement::Anchored => {
-                let (m, rad) = (settings.pose_sigma_m, settings.pose_sigma_rad);
-                Self::Anchored {
-                    variances: Vector3::new(m * m, m * m, rad * rad),
-                }
-            }
-        }
-    }
-
-    /// The covariance a reading is taken with.
-    fn covariance(&self, reading: &OdometryReading) -> Matrix3<f64> {
-        match self {
-            Self::Clone => reading.covariance,
-            Self::Anchored { variances } => Matrix3::from_diagonal(variances),
-        }
-    }
-}
-
 /// The filter of one robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Filter {
     vehicle: Vehicle,
-    form: Form,
+    /// Written for instances of the version before, which do not read a filter without it.
+    #[serde(default)]
+    form: Measurement,
     /// As configured. A stored one is not read: a version may know settings that another does not.
     #[serde(deserialize_with = "as_configured")]
     noise: MotionNoise,
@@ -174,7 +137,7 @@ impl Filter {
             .copy_from(&prior.covariance);
         Self {
             vehicle,
-            form: Form::of(settings),
+            form: Measurement::Clone,
             noise: settings.motion_noise,
             values: prior.values,
             covariance,
@@ -263,13 +226,7 @@ impl Filter {
     pub fn predict(&mut self, segment: &DriveSegment) {
         let parameters = self.drive_parameters();
         let (vehicle, noise) = (&self.vehicle, &self.noise);
-        match self.form {
-            Form::Clone => self.predicted.advance(vehicle, &parameters, noise, segment),
-            Form::Anchored { .. } => {
-                self.predicted
-                    .advance_euler(vehicle, &parameters, noise, segment);
-            }
-        }
+        self.predicted.advance(vehicle, &parameters, noise, segment);
     }
 
     /// Gives up the anchor, and with it what is known of the motion since: what comes next does not
@@ -299,11 +256,9 @@ impl Filter {
         self.predicted.twist = twist(&self.vehicle.motion(drive, &self.drive_parameters()));
         self.place_anchor(reading.lidar_in_odom);
         let mut covariance = self.covariance_of_parameters_alone();
-        if self.form == Form::Clone {
-            covariance
-                .fixed_view_mut::<3, 3>(ANCHOR, ANCHOR)
-                .copy_from(&(reading.covariance * self.noise_scale));
-        }
+        covariance
+            .fixed_view_mut::<3, 3>(ANCHOR, ANCHOR)
+            .copy_from(&(reading.covariance * self.noise_scale));
         self.covariance = covariance;
     }
 
@@ -325,13 +280,11 @@ impl Filter {
         let (residual, jacobian) = self.innovation(reading)?;
         let cross = self.covariance * jacobian.transpose();
         let predicted = jacobian * cross;
-        let mut noise = self.form.covariance(reading) * self.noise_scale;
+        let mut noise = reading.covariance * self.noise_scale;
         let nis = normalised_square(&(predicted + noise), &residual)?;
-        if self.form == Form::Clone {
-            self.learn_noise(nis);
-            if nis > NIS_FULL_WEIGHT_MAX {
-                noise = widened(&noise, &predicted, nis);
-            }
+        self.learn_noise(nis);
+        if nis > NIS_FULL_WEIGHT_MAX {
+            noise = widened(&noise, &predicted, nis);
         }
         let innovation_covariance = predicted + noise;
         // 3. Gain. Held parameters keep their value but not their part in the covariance (Schmidt).
@@ -341,8 +294,7 @@ impl Filter {
             gain.row_mut(CALIBRATION + i).fill(0.0);
         }
         // 5a. The reading's own error, which the new anchor takes over.
-        let fresh = (new_anchor && self.form == Form::Clone)
-            .then(|| FreshAnchor::of(&noise, &inverse, &cross, &residual));
+        let fresh = new_anchor.then(|| FreshAnchor::of(&noise, &inverse, &cross, &residual));
         // 4. Correction.
         self.correct(&(gain * residual));
         let gain_cross = gain * cross.transpose();

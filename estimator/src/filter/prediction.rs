@@ -73,7 +73,8 @@ impl PredictedMotion {
         segment: &DriveSegment,
     ) {
         let motion = vehicle.motion(segment.drive, parameters);
-        let step = self.begin_step(&motion, segment.duration_s);
+        let dt_s = segment.duration_s;
+        let step = self.smooth_twist(&motion, dt_s);
         if let Some(reading) = segment.drive.without_noise() {
             self.twist = twist(&vehicle.motion(reading, parameters));
         }
@@ -86,43 +87,6 @@ impl PredictedMotion {
                     0.0,
                 )
         };
-        self.finish_step(&motion, segment, Pose2::exp(&step), carried, noise);
-    }
-
-    /// Goes on by one reading with the paper's Euler step (its equation 3): straight along the old
-    /// heading, then the turn. It biases `x_off` by `v dt / 2`; kept to reproduce the paper.
-    pub fn advance_euler(
-        &mut self,
-        vehicle: &Vehicle,
-        parameters: &DriveParameters,
-        noise: &MotionNoise,
-        segment: &DriveSegment,
-    ) {
-        let motion = vehicle.motion(segment.drive, parameters);
-        let step = self.begin_step(&motion, segment.duration_s);
-        let (sin, cos) = step.z.sin_cos();
-        let carried =
-            |by: Vector3<f64>| Vector3::new(cos * by.x + sin * by.y, cos * by.y - sin * by.x, by.z);
-        let euler = Pose2::new(step.x, step.y, step.z);
-        self.finish_step(&motion, segment, euler, carried, noise);
-    }
-
-    fn begin_step(&mut self, motion: &Motion, dt_s: f64) -> Vector3<f64> {
-        let twist = twist(motion);
-        let share = dt_s / (dt_s + TWIST_TIME_CONSTANT_S);
-        self.twist += (twist - self.twist) * share;
-        twist * dt_s
-    }
-
-    fn finish_step(
-        &mut self,
-        motion: &Motion,
-        segment: &DriveSegment,
-        arc: Pose2,
-        carried: impl Fn(Vector3<f64>) -> Vector3<f64>,
-        noise: &MotionNoise,
-    ) {
-        let dt_s = segment.duration_s;
         let mut by_parameters = ByDriveParameters::zeros();
         let by = motion
             .speed_by
@@ -133,13 +97,22 @@ impl PredictedMotion {
             let twist_by = Vector3::new(*speed_by, *side_by, *yaw_by);
             by_parameters.set_column(column, &carried(twist_by * dt_s));
         }
+        let arc = Pose2::exp(&step);
         let carry = arc.inverse().adjoint();
         self.end_in_begin = self.end_in_begin.compose(&arc);
         self.by_begin = carry * self.by_begin;
         self.by_parameters = carry * self.by_parameters + by_parameters;
-        self.noise = carry * self.noise * carry.transpose() + noise.of_step(motion, segment);
+        self.noise = carry * self.noise * carry.transpose() + noise.of_step(&motion, segment);
         self.distance_m += (motion.speed_mps * dt_s).abs();
         self.turned_rad += (motion.yaw_rate_radps * dt_s).abs();
+    }
+
+    /// Brings a motion into the smoothed twist; the twist over `dt_s`, as a step.
+    fn smooth_twist(&mut self, motion: &Motion, dt_s: f64) -> Vector3<f64> {
+        let twist = twist(motion);
+        let share = dt_s / (dt_s + TWIST_TIME_CONSTANT_S);
+        self.twist += (twist - self.twist) * share;
+        twist * dt_s
     }
 }
 
@@ -246,42 +219,6 @@ mod tests {
             let analytic = here.by_parameters.column(column).into_owned();
             assert!((numeric - analytic).norm() < 1e-4, "{numeric} {analytic}");
         }
-    }
-
-    #[test]
-    fn the_euler_step_is_half_a_step_behind_the_arc() {
-        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
-        let (mut arc, mut euler) = (PredictedMotion::none(), PredictedMotion::none());
-        let drive = DriveReading {
-            speed_mps: 1.0,
-            steering_rad: 0.4,
-            ..DriveReading::default()
-        };
-        let segment = DriveSegment {
-            duration_s: 0.01,
-            drive,
-            held_m: 0.0,
-            steering_step_rad: 0.0,
-        };
-        for _ in 0..100 {
-            arc.advance(
-                &vehicle,
-                &parameters(0.0, 1.0),
-                &MotionNoise::default(),
-                &segment,
-            );
-            euler.advance_euler(
-                &vehicle,
-                &parameters(0.0, 1.0),
-                &MotionNoise::default(),
-                &segment,
-            );
-        }
-        // Seen from the end, a mount shifted by v dt / 2 explains the difference.
-        let half = Pose2::new(-0.005, 0.0, 0.0);
-        let shifted = half.inverse().compose(&arc.end_in_begin).compose(&half);
-        let apart = shifted.between(&euler.end_in_begin).log();
-        assert!(apart.norm() < 1e-5, "{apart}");
     }
 
     #[test]

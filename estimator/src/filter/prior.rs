@@ -8,21 +8,21 @@ use super::{
 };
 use crate::estimate::Parameter;
 use crate::geometry::Pose2;
-use crate::settings::{EstimatorSettings, Freedom, Measurement};
+use crate::settings::{EstimatorSettings, Freedom};
 use crate::vehicle::{Vehicle, VehicleModel};
 
 /// What docs/assumptions.md takes for typical: the gain differs by 1 % between left and right,
-pub(super) const ASYMMETRY_SIGMA: f64 = 0.01;
+pub(crate) const ASYMMETRY_SIGMA: f64 = 0.01;
 /// the curve departs by 0.3 degrees at 20 degrees, 1/rad
-pub(super) const QUADRATIC_SIGMA_PER_RAD: f64 = 0.043;
+pub(crate) const QUADRATIC_SIGMA_PER_RAD: f64 = 0.043;
 /// or 1/rad^2.
-pub(super) const CUBIC_SIGMA_PER_RAD2: f64 = 0.12;
+pub(crate) const CUBIC_SIGMA_PER_RAD2: f64 = 0.12;
 /// The wheel is a tenth of a second behind its sensor, or before it, s.
-pub(super) const STEERING_LAG_SIGMA_S: f64 = 0.1;
+pub(crate) const STEERING_LAG_SIGMA_S: f64 = 0.1;
 /// And its response as wide as that of a first-order lag of a tenth of a second, s^2.
-pub(super) const STEERING_SPREAD_SIGMA_S2: f64 = 0.01;
+pub(crate) const STEERING_SPREAD_SIGMA_S2: f64 = 0.01;
 /// Half of the play is a quarter of a degree, rad.
-pub(super) const STEERING_PLAY_SIGMA_RAD: f64 = 0.0044;
+pub(crate) const STEERING_PLAY_SIGMA_RAD: f64 = 0.0044;
 
 /// Values, uncertainties and freedoms of the parameters at a filter's start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -70,13 +70,11 @@ impl Prior {
                 sigma[i] = 0.0;
             }
         }
-        if settings.measurement == Measurement::Clone {
-            sigma[SIDE_SLIP] = settings.side_slip_sigma_rad_per_mps2;
-            sigma[STEERING_LAG] = STEERING_LAG_SIGMA_S;
-            sigma[STEERING_SPREAD] = STEERING_SPREAD_SIGMA_S2;
-            sigma[STEERING_PLAY] = STEERING_PLAY_SIGMA_RAD;
-            open_curve(&mut sigma, vehicle, settings);
-        }
+        sigma[SIDE_SLIP] = settings.side_slip_sigma_rad_per_mps2;
+        sigma[STEERING_LAG] = STEERING_LAG_SIGMA_S;
+        sigma[STEERING_SPREAD] = STEERING_SPREAD_SIGMA_S2;
+        sigma[STEERING_PLAY] = STEERING_PLAY_SIGMA_RAD;
+        open_curve(&mut sigma, vehicle, settings);
         Self {
             values,
             covariance: ParameterCovariance::from_diagonal(&sigma.component_mul(&sigma)),
@@ -100,7 +98,6 @@ fn has_curve(vehicle: &Vehicle) -> bool {
 /// linkage is without one.
 fn has_hidden_gain(vehicle: &Vehicle, settings: &EstimatorSettings) -> bool {
     has_curve(vehicle)
-        && settings.measurement == Measurement::Clone
         && settings.freedom(Parameter::SteeringGain) == Freedom::Off
         && settings.freedom(Parameter::Wheelbase) != Freedom::Estimated
 }

@@ -24,9 +24,9 @@ const AS_GOOD: f64 = 6.0;
 /// for 2.5 sigmas in the best explanation passes for 4 in one that is hardly as good.
 const LESS_BEHIND: f64 = 0.375;
 /// Share of its prior that a part has while it is small.
-pub(super) const SHARE: f64 = 0.2;
+pub(crate) const SHARE: f64 = 0.2;
 /// The default prior of the gain.
-pub(super) const GAIN_SIGMA: f64 = 0.02;
+pub(crate) const GAIN_SIGMA: f64 = 0.02;
 /// Number of parts that may be small.
 const PARTS: usize = 3;
 
@@ -73,7 +73,7 @@ pub struct Known {
     /// Their covariance.
     pub covariance: ParameterCovariance,
     /// Square of the quadratic term, or the largest one in an explanation that is as good, 1/rad².
-    pub(super) largest_quadratic_square: f64,
+    pub(crate) largest_quadratic_square: f64,
 }
 
 /// The parts of one choice: their `A^-1 + V` and means, the places of the others holding a one and a

@@ -23,6 +23,7 @@ mod jumping_steering;
 mod lost_odometry;
 mod nonsense;
 mod observability;
+mod reassemblies;
 mod restarts;
 mod restarts_in_motion;
 mod reversed;

@@ -2,7 +2,7 @@
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::vehicle::SpeedMeasuredAt;
-use fleetcal_estimator::{Measurement, Parameter, Pose2 as Pose, Status};
+use fleetcal_estimator::{Parameter, Status};
 use fleetcal_robot::simulator::{Point, Pose2, Route, SimulationConfig};
 
 use crate::drive::{Driven, FOUR, drive, error_of, poses, vehicle_of};
@@ -155,30 +155,4 @@ fn any_mount_and_any_offset_converge_from_nothing() {
             );
         }
     }
-}
-
-#[test]
-fn the_papers_own_filter_can_be_chosen_and_is_over_confident() {
-    let mut config = SimulationConfig::figure_eight(5);
-    config.lidar = poses();
-    config.vehicle.steering_offset_rad = 0.03;
-    let mut calibrator = CalibratorConfig::of(vehicle_of(&config.vehicle, 1.2));
-    calibrator.nominal_lidar_in_base = Some(Pose::new(0.434, 0.0, 0.0));
-    calibrator.settings.measurement = Measurement::Anchored;
-    let run = drive(config, calibrator, 60.0);
-    let filter = run.calibrator.filter().unwrap();
-    let x = Parameter::LidarX.index();
-    let error = filter.values()[x] - 0.434;
-    let sigma = filter.parameter_covariance()[(x, x)].sqrt();
-    // The Euler step moves x by v dt / 2, 5 mm at 1 m/s, many of its own sigmas.
-    assert!(
-        error.abs() > 0.002 && error.abs() < 0.02,
-        "x is off by {error}"
-    );
-    assert!(
-        error.abs() > 4.0 * sigma,
-        "x is off by {error}, sigma {sigma}"
-    );
-    let (estimate, truth) = run.last();
-    assert!(error_of(Parameter::SteeringOffset, estimate, truth).abs() < 0.002);
 }

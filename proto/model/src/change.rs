@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use strum::IntoStaticStr;
 
-/// What was seen to happen.
+/// Kind of a detected change or fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -12,14 +12,14 @@ pub enum ChangeKind {
     CalibrationChanged,
     /// The parts were reported as reassembled and the comparison came out equal.
     CalibrationConfirmed,
-    /// The parts were reported as reassembled, and the calibration is known for the first time: there was
-    /// nothing to compare it with.
+    /// The parts were reported as reassembled, and the calibration is known for the first time, so
+    /// that there was nothing to compare it with.
     CalibrationLearned,
     /// A sensor or the LiDAR odometry failed for a while.
     Fault,
 }
 
-/// What a change came from.
+/// Cause of a change.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, IntoStaticStr, Serialize, Deserialize,
 )]
@@ -35,11 +35,11 @@ pub enum Cause {
     Vehicle,
     /// The LiDAR odometry failed.
     Odometry,
-    /// The data do not tell.
+    /// The data do not distinguish the causes.
     Unknown,
 }
 
-/// Whether a change of one cause would be seen now, and what its detection waits for if not.
+/// State of the detection of changes with one cause: watching, or the missing condition.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, IntoStaticStr, Serialize, Deserialize,
 )]
@@ -47,22 +47,22 @@ pub enum Cause {
 #[strum(serialize_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum DetectionState {
-    /// A change would be seen within some metres.
+    /// A change would be detected within some metres.
     Watching,
-    /// The estimator has not begun, or a new session has not been held against the stored
+    /// The estimator has not begun, or a new session has not been compared with the stored
     /// calibration yet.
     FirstEstimate,
-    /// The parameters are not known well enough to be held against.
+    /// The parameters are not known well enough for a comparison.
     Accuracy,
-    /// Errors of this robot that come and go are as large as the changes that matter.
+    /// Intermittent errors of this robot are as large as the changes that matter.
     Scatter,
-    /// The robot has not driven or turned enough to tell, or to show a change.
+    /// The robot has not driven or turned enough to judge, or to show a change.
     Motion,
-    /// A fault lasts, in which nothing can be told.
+    /// A fault lasts, during which nothing can be judged.
     Fault,
 }
 
-/// Which changes would be seen now, by what they come from.
+/// Changes that would be detected now, by their causes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Detection {
@@ -70,12 +70,12 @@ pub struct Detection {
     pub steering: DetectionState,
     /// A LiDAR that was moved or turned.
     pub lidar_mount: DetectionState,
-    /// Another speed scale: other wheels.
+    /// A new speed scale: other wheels.
     pub vehicle: DetectionState,
 }
 
 impl Detection {
-    /// The state of each cause that is told apart.
+    /// Returns the state of each cause that can be distinguished.
     pub const fn of_causes(&self) -> [(Cause, DetectionState); 3] {
         [
             (Cause::Steering, self.steering),
@@ -84,7 +84,7 @@ impl Detection {
         ]
     }
 
-    /// The same for all.
+    /// Makes the detection with one state for all causes.
     pub const fn of_all(state: DetectionState) -> Self {
         Self {
             steering: state,
@@ -94,7 +94,7 @@ impl Detection {
     }
 }
 
-/// What happened to a robot.
+/// Kind of an event that a note reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = RobotEventKind))]

@@ -13,7 +13,7 @@ use crate::parameter::Parameter;
 pub struct CalibrationCovariance([[f64; 4]; 4]);
 
 impl CalibrationCovariance {
-    /// What its rows and columns are about.
+    /// Parameters of its rows and columns.
     pub const OF: [Parameter; 4] = [
         Parameter::SteeringOffset,
         Parameter::LidarX,
@@ -21,17 +21,17 @@ impl CalibrationCovariance {
         Parameter::LidarYaw,
     ];
 
-    /// With the entry that `of` gives for each row and column.
+    /// Makes a covariance from the entry that `of` returns for each row and column.
     pub fn from_fn(of: impl Fn(Parameter, Parameter) -> f64) -> Self {
         Self(Self::OF.map(|row| Self::OF.map(|column| of(row, column))))
     }
 
-    /// Its rows, in the order of [`Self::OF`].
+    /// Returns its rows, in the order of [`Self::OF`].
     pub const fn rows(&self) -> &[[f64; 4]; 4] {
         &self.0
     }
 
-    /// Whether every entry is a number.
+    /// True if every entry is finite.
     pub fn is_finite(&self) -> bool {
         self.0.as_flattened().iter().all(|entry| entry.is_finite())
     }

@@ -11,6 +11,7 @@ pub mod number;
 pub mod parameter;
 pub mod plane;
 pub mod robot_id;
+pub mod sigma;
 pub mod stream;
 pub mod time;
 pub mod vehicle;
@@ -24,6 +25,7 @@ pub use number::{
 pub use parameter::{Consistency, Counts, Parameter, ParameterStatus, Unit};
 pub use plane::{Point, Pose2, wrap_angle_rad};
 pub use robot_id::{RobotId, RobotIdRefused};
+pub use sigma::{SigmaEffect, SigmaSource, SigmaTerm};
 pub use stream::Stream;
 pub use time::{RobotTime, WallTime};
 pub use vehicle::{SpeedMeasuredAt, VehicleModel};

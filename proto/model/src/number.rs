@@ -17,7 +17,7 @@ macro_rules! numbers {
         pub struct $name(pub $of);
 
         impl $name {
-            /// The one after it.
+            /// Returns the next number.
             #[must_use]
             pub const fn next(self) -> Self {
                 Self(self.0.saturating_add(1))
@@ -41,37 +41,37 @@ macro_rules! numbers {
 }
 
 numbers! {
-    /// The number of a deployment to a robot; it only grows. 0 is the factory calibration.
+    /// Number of a deployment to a robot; it only grows. 0 is the factory calibration.
     Generation(u64);
-    /// How often a record was changed; a change names the version that it was decided on.
+    /// Number of changes of a record; a change names the version that it was decided on.
     Version(u64);
-    /// Names a set of values with its evidence.
+    /// Number of a set of values with its evidence.
     RevisionId(u64);
-    /// Names a proposal.
+    /// Number of a proposal.
     ProposalId(u64);
-    /// Names a deployment.
+    /// Number of a deployment.
     DeploymentId(u64);
-    /// Names an alert.
+    /// Number of an alert.
     AlertId(u64);
-    /// Names a webhook.
+    /// Number of a webhook.
     WebhookId(u64);
-    /// Names a message on its way to a webhook.
+    /// Number of a message to a webhook.
     DeliveryId(u64);
-    /// Names a user.
+    /// Number of a user.
     UserId(i64);
-    /// Names a token.
+    /// Number of a token.
     TokenId(i64);
-    /// Names an event in a robot's history.
+    /// Number of an event in a robot's history.
     EventId(i64);
-    /// Names an entry of the audit.
+    /// Number of an entry of the audit.
     AuditId(i64);
 }
 
 impl Generation {
-    /// What a robot uses before anything was deployed to it.
+    /// Calibration that a robot uses before any deployment.
     pub const FACTORY: Self = Self(0);
 
-    /// Whether it is the factory calibration.
+    /// True if it is the factory calibration.
     pub fn is_factory(self) -> bool {
         self == Self::FACTORY
     }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use strum::{EnumCount, EnumString, IntoStaticStr, VariantArray};
 
-/// A parameter of the calibration, as documents name it.
+/// Parameter of the calibration, by its name in documents.
 // The order of the variants is the order of every array of parameters.
 #[derive(
     Debug,
@@ -25,7 +25,7 @@ use strum::{EnumCount, EnumString, IntoStaticStr, VariantArray};
 #[strum(serialize_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = ParameterName))]
 pub enum Parameter {
-    /// `delta_off`: what the steering sensor shows when the wheel points straight ahead, rad.
+    /// `delta_off`: reading of the steering sensor when the wheel points straight ahead, rad.
     SteeringOffset,
     /// `x_off`: the LiDAR's position along x of `base`, m.
     LidarX,
@@ -37,33 +37,33 @@ pub enum Parameter {
     SpeedScale,
     /// Distance between the axles, m.
     Wheelbase,
-    /// How much later a motion shows in the wheel odometry than in the LiDAR's, s.
+    /// Delay of a motion in the wheel odometry against the LiDAR's, s.
     TimeOffset,
     /// True steering angle (less its offset) over the measured one.
     SteeringGain,
 }
 
 impl Parameter {
-    /// All of them, in order.
+    /// All parameters, in order.
     pub const ALL: [Self; <Self as EnumCount>::COUNT] =
         match <Self as VariantArray>::VARIANTS.first_chunk() {
             Some(all) => *all,
             None => unreachable!(),
         };
 
-    /// Position in arrays of parameters.
+    /// Returns its position in arrays of parameters.
     #[inline]
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// The name in documents: `steering_offset`, `lidar_x` and so on.
+    /// Returns the name in documents: `steering_offset`, `lidar_x` and so on.
     #[inline]
     pub fn name(self) -> &'static str {
         self.into()
     }
 
-    /// Unit of its value and sigma.
+    /// Returns the unit of its value and sigma.
     #[inline]
     pub const fn unit(self) -> Unit {
         match self {
@@ -100,31 +100,31 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// The name in documents.
+    /// Returns the name in documents.
     #[inline]
     pub fn symbol(self) -> &'static str {
         self.into()
     }
 }
 
-/// How far a parameter is known.
+/// Status of a parameter's estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum ParameterStatus {
-    /// Its sigma is inside its limit and the data behind it repeat it.
+    /// Its sigma is inside its limit and confirmed by the repeatability of the data.
     Converged,
-    /// On its way.
+    /// Its sigma is not inside its limit yet.
     Learning,
-    /// The motions so far say nothing about it.
+    /// The motions so far carry no information about it.
     Unobservable,
     /// Held at its configured value, with its configured uncertainty.
     Fixed,
-    /// Not part of the model.
+    /// The model does not include it.
     Off,
 }
 
-/// Whether the filter's innovations are as large as it believes.
+/// Consistency of the filter's innovations with their expected covariance.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Consistency {
@@ -132,11 +132,11 @@ pub struct Consistency {
     pub nis_mean: f64,
     /// Its expectation: the degrees of freedom of one update.
     pub nis_dof: f64,
-    /// How many updates the mean is over.
+    /// Number of updates in the mean.
     pub samples: u64,
 }
 
-/// What was taken in since the session began.
+/// Numbers of messages since the session began.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Counts {
@@ -144,7 +144,7 @@ pub struct Counts {
     pub drive_samples: u64,
     /// Scans or LiDAR poses used.
     pub scans: u64,
-    /// Scans that could not be used.
+    /// Scans that were unusable.
     pub scans_rejected: u64,
     /// Messages that came too late.
     pub late: u64,

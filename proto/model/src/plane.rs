@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// An angle brought into `(-pi, pi]`.
+/// Wraps an angle into `(-pi, pi]`.
 #[inline]
 pub fn wrap_angle_rad(angle_rad: f64) -> f64 {
     let wrapped = angle_rad - TAU * ((angle_rad + PI) / TAU).floor();
@@ -22,19 +22,19 @@ pub struct Point {
 }
 
 impl Point {
-    /// A point from metres.
+    /// Makes a point from metres.
     #[inline]
     pub const fn new(x_m: f64, y_m: f64) -> Self {
         Self { x_m, y_m }
     }
 
-    /// The distance to `other`, m.
+    /// Returns the distance to `other`, m.
     #[inline]
     pub fn distance_m(self, other: Self) -> f64 {
         (self.x_m - other.x_m).hypot(self.y_m - other.y_m)
     }
 
-    /// The point `fraction` of the way to `other`.
+    /// Returns the point `fraction` of the way to `other`.
     #[must_use]
     #[inline]
     pub fn toward(self, other: Self, fraction: f64) -> Self {
@@ -69,20 +69,20 @@ impl Pose2 {
         yaw_rad: 0.0,
     };
 
-    /// A pose from metres and radians.
+    /// Makes a pose from metres and radians.
     #[inline]
     pub const fn new(x_m: f64, y_m: f64, yaw_rad: f64) -> Self {
         Self { x_m, y_m, yaw_rad }
     }
 
-    /// Its position.
+    /// Returns its position.
     #[inline]
     pub const fn point(&self) -> Point {
         Point::new(self.x_m, self.y_m)
     }
 
-    /// The pose `fraction` of the way to `other`, linear in each coordinate: for poses that are
-    /// millimetres apart.
+    /// Returns the pose `fraction` of the way to `other`, linear in each coordinate: for poses that
+    /// are millimetres apart.
     #[must_use]
     #[inline]
     pub fn toward(&self, other: &Self, fraction: f64) -> Self {
@@ -115,27 +115,27 @@ impl Pose2 {
         }
     }
 
-    /// The motion from `self` to `other`, seen from `self`: `self^-1 * other`.
+    /// Motion from `self` to `other`, in the frame of `self`: `self^-1 * other`.
     #[must_use]
     #[inline]
     pub fn between(&self, other: &Self) -> Self {
         self.inverse().compose(other)
     }
 
-    /// A point of `b` in `a`.
+    /// Transforms a point of `b` into `a`.
     #[inline]
     pub fn transform_point(&self, point_in_b: Vector2<f64>) -> Vector2<f64> {
         self.rotation() * point_in_b + self.translation()
     }
 
-    /// The rotation matrix of `a_from_b`.
+    /// Returns the rotation matrix of `a_from_b`.
     #[inline]
     pub fn rotation(&self) -> Matrix2<f64> {
         let (s, c) = self.yaw_rad.sin_cos();
         Matrix2::new(c, -s, s, c)
     }
 
-    /// The translation of `a_from_b`, in metres.
+    /// Returns the translation of `a_from_b`, in metres.
     #[inline]
     pub fn translation(&self) -> Vector2<f64> {
         Vector2::new(self.x_m, self.y_m)
@@ -182,14 +182,14 @@ impl Pose2 {
         )
     }
 
-    /// Adjoint: moves a right (local) perturbation of `b` to one of `a`.
+    /// Adjoint: maps a right (local) perturbation of `b` to one of `a`.
     #[inline]
     pub fn adjoint(&self) -> Matrix3<f64> {
         let (s, c) = self.yaw_rad.sin_cos();
         Matrix3::new(c, -s, self.y_m, s, c, -self.x_m, 0.0, 0.0, 1.0)
     }
 
-    /// The same pose with its yaw in `(-pi, pi]`.
+    /// Returns the pose with its yaw in `(-pi, pi]`.
     #[must_use]
     #[inline]
     pub fn wrapped(&self) -> Self {
@@ -199,7 +199,7 @@ impl Pose2 {
         }
     }
 
-    /// Whether all three numbers are finite.
+    /// True if all three numbers are finite.
     #[inline]
     pub fn is_finite(&self) -> bool {
         self.x_m.is_finite() && self.y_m.is_finite() && self.yaw_rad.is_finite()

@@ -21,13 +21,13 @@ pub const ROBOT_ID_BYTES_MAX: usize = 63;
 )]
 pub struct RobotId(Arc<str>);
 
-/// Why a text is no robot id.
+/// Reason for which a text is not a robot id.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum RobotIdRefused {
-    /// It has no character at all.
+    /// The text is empty.
     #[error("robot id: got nothing, expected 1 to 63 of A-Z, a-z, 0-9, _ and -")]
     Empty,
-    /// It is longer than [`ROBOT_ID_BYTES_MAX`].
+    /// The text is longer than [`ROBOT_ID_BYTES_MAX`].
     #[error("robot id: got {shown:?}… of {length} bytes, expected at most 63")]
     TooLong {
         /// The id's first characters.
@@ -35,7 +35,7 @@ pub enum RobotIdRefused {
         /// Its length in bytes.
         length: usize,
     },
-    /// It begins with `_` or `-`, which could be taken for a flag or a hidden name.
+    /// The text begins with `_` or `-`, which could be taken for a flag or a hidden name.
     #[error("robot id {id:?} begins with {first:?}, expected a letter or digit first")]
     FirstCharacter {
         /// The id.
@@ -43,7 +43,7 @@ pub enum RobotIdRefused {
         /// Its first character.
         first: char,
     },
-    /// A character in it would mean something in a key expression or path, or is not ASCII.
+    /// A character would have a meaning in a key expression or path, or is not ASCII.
     #[error("robot id {id:?} contains {character:?}, expected A-Z, a-z, 0-9, _ and -")]
     Character {
         /// The id.
@@ -57,7 +57,7 @@ impl RobotId {
     /// Checks a text and makes it an id.
     ///
     /// # Errors
-    /// Says in one sentence what is wrong with it and what is accepted.
+    /// One sentence that names the fault and the accepted form.
     pub fn parse(text: &str) -> Result<Self, RobotIdRefused> {
         if text.len() > ROBOT_ID_BYTES_MAX {
             let shown = text.chars().take(16).collect();
@@ -83,7 +83,7 @@ impl RobotId {
         Ok(Self(Arc::from(text)))
     }
 
-    /// The id as text.
+    /// Returns the id as text.
     pub fn as_str(&self) -> &str {
         &self.0
     }

@@ -31,31 +31,31 @@ pub enum Stream {
     Speed,
     /// Scans.
     Scan,
-    /// Poses of the LiDAR, made on the robot.
+    /// Poses of the LiDAR, estimated on the robot.
     LidarOdometry,
     /// Notes of people and tools.
     Event,
 }
 
 impl Stream {
-    /// All of them, in order.
+    /// All streams, in order.
     pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
     /// Number of streams.
     pub const COUNT: usize = <Self as EnumCount>::COUNT;
 
-    /// Position in [`Self::ALL`].
+    /// Returns its position in [`Self::ALL`].
     #[inline]
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// Whether it tells how the vehicle drives.
+    /// True for the streams of the wheel odometry.
     #[inline]
     pub const fn is_wheel_odometry(self) -> bool {
         matches!(self, Self::WheelOdometry | Self::Steering | Self::Speed)
     }
 
-    /// The name in keys and documents: `wheel_odometry`, `lidar_odometry` and so on.
+    /// Returns the name in keys and documents: `wheel_odometry`, `lidar_odometry` and so on.
     #[inline]
     pub fn name(self) -> &'static str {
         self.into()

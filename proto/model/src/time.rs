@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 const NS_PER_S: i64 = 1_000_000_000;
 
-/// A point in a robot's time: nanoseconds since the Unix epoch, as its own clock stamps it.
+/// A point in a robot's time: nanoseconds since the Unix epoch by the robot's own clock.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
 )]
@@ -19,24 +19,24 @@ const NS_PER_S: i64 = 1_000_000_000;
 pub struct RobotTime(pub i64);
 
 impl RobotTime {
-    /// Whole seconds since the Unix epoch.
+    /// Returns the whole seconds since the Unix epoch.
     pub const fn whole_s(self) -> i64 {
         self.0.div_euclid(NS_PER_S)
     }
 
-    /// Seconds from `earlier` to `self`; negative when `self` is the earlier one.
+    /// Returns the seconds from `earlier` to `self`; negative if `self` is the earlier one.
     #[inline]
     pub fn seconds_since(self, earlier: Self) -> f64 {
         self.0.saturating_sub(earlier.0) as f64 * 1e-9
     }
 
-    /// The time `by` later.
+    /// Returns the time `by` later.
     #[must_use]
     pub fn plus(self, by: Duration) -> Self {
         Self(self.0.saturating_add(nanoseconds(by)))
     }
 
-    /// The time `seconds` later.
+    /// Returns the time `seconds` later.
     #[must_use]
     #[inline]
     pub fn plus_seconds(self, seconds: f64) -> Self {
@@ -44,8 +44,8 @@ impl RobotTime {
     }
 }
 
-/// A point in wall time: nanoseconds since the Unix epoch, as the service's clock shows it. That
-/// clock may be set, so a later reading may be an earlier time.
+/// A point in wall time: nanoseconds since the Unix epoch by the service's clock. That clock may be
+/// set, so a later reading may be an earlier time.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
 )]
@@ -57,24 +57,24 @@ impl WallTime {
     /// The end of time, 2262.
     pub const MAX: Self = Self(i64::MAX);
 
-    /// The time `by` later, at most [`WallTime::MAX`].
+    /// Returns the time `by` later, at most [`WallTime::MAX`].
     #[must_use]
     pub fn plus(self, by: Duration) -> Self {
         Self(self.0.saturating_add(nanoseconds(by)))
     }
 
-    /// The time `by` earlier.
+    /// Returns the time `by` earlier.
     #[must_use]
     pub fn minus(self, by: Duration) -> Self {
         Self(self.0.saturating_sub(nanoseconds(by)))
     }
 
-    /// Whole seconds since the Unix epoch.
+    /// Returns the whole seconds since the Unix epoch.
     pub const fn whole_s(self) -> i64 {
         self.0.div_euclid(NS_PER_S)
     }
 
-    /// Nanoseconds from `earlier` to `self`; negative when `self` is the earlier one.
+    /// Returns the nanoseconds from `earlier` to `self`; negative if `self` is the earlier one.
     pub const fn ns_since(self, earlier: Self) -> i64 {
         self.0.saturating_sub(earlier.0)
     }

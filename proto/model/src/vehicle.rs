@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How a vehicle steers and where its speed is measured.
+/// Steering geometry of a vehicle and place of its speed measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -13,7 +13,7 @@ pub enum VehicleModel {
     Tricycle,
 }
 
-/// Where the speed is measured.
+/// Place of the speed measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]

@@ -25,10 +25,11 @@ pub enum Endianness {
     Little,
 }
 
-/// Why a payload is no such message in CDR. Names the field, its value and what is accepted.
+/// Reason for which a payload is not such a message in CDR. It names the field, its value and the
+/// accepted values.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum CdrError {
-    /// The payload does not begin as `PLAIN_CDR` does.
+    /// The payload does not begin like `PLAIN_CDR`.
     #[error(
         "encapsulation header: got {header:02x?}, expected 4 bytes that begin with 00 00 \
          (big endian) or 00 01 (little endian)"
@@ -42,9 +43,9 @@ pub enum CdrError {
     Truncated {
         /// Name of the field.
         field: &'static str,
-        /// How many bytes it takes, with its alignment.
+        /// Number of bytes that it takes, with its alignment.
         needed: usize,
-        /// How many are left.
+        /// Number of bytes left.
         left: usize,
     },
     /// The field claims more elements than the payload can hold.
@@ -54,7 +55,7 @@ pub enum CdrError {
         field: &'static str,
         /// The length that was read.
         claimed: u32,
-        /// How many could be in what is left.
+        /// Largest number that could fit into the rest.
         accepted: usize,
     },
     /// A string without its closing NUL.
@@ -69,22 +70,22 @@ pub enum CdrError {
         /// Name of the field.
         field: &'static str,
     },
-    /// A value that the field can't have.
+    /// A value that the field cannot have.
     #[error("{field}: got {value}, expected {accepted}")]
     Value {
         /// Name of the field.
         field: &'static str,
         /// The value.
         value: String,
-        /// What would have been accepted, in words.
+        /// Accepted values, in words.
         accepted: &'static str,
     },
-    /// The payload goes on behind the last field: it is of another type.
+    /// The payload continues behind the last field: it is of another type.
     #[error("{extra} bytes follow {field}, the last field; expected at most 7 of padding")]
     Trailing {
         /// Name of the last field.
         field: &'static str,
-        /// How many bytes follow.
+        /// Number of bytes that follow.
         extra: usize,
     },
 }

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::{CdrError, Endianness, PADDING_BYTES_MAX, STRINGS_MAX};
 
-/// Reads the fields of one payload in order. Nothing is allocated before the bytes that a length
-/// claims are known to be there.
+/// Reader of the fields of one payload, in order. Memory is allocated only for bytes that are known
+/// to be there, whatever length is claimed.
 #[derive(Debug, Clone)]
 pub struct CdrReader<'a> {
     body: &'a [u8],
@@ -34,12 +34,12 @@ impl<'a> CdrReader<'a> {
         })
     }
 
-    /// Byte order of the payload.
+    /// Returns the byte order of the payload.
     pub fn endianness(&self) -> Endianness {
         self.endianness
     }
 
-    /// How many bytes are not read yet.
+    /// Returns the number of unread bytes.
     pub fn left(&self) -> usize {
         self.body.len().saturating_sub(self.position)
     }
@@ -132,7 +132,7 @@ impl<'a> CdrReader<'a> {
     /// one with `read`.
     ///
     /// # Errors
-    /// When the sequence claims more than is accepted or the payload holds, and what `read` says.
+    /// When the sequence claims more than is accepted or the payload holds, or `read` fails.
     pub fn sequence<T>(
         &mut self,
         field: &'static str,
@@ -184,7 +184,7 @@ impl<'a> CdrReader<'a> {
         Ok(words.iter().map(|&bytes| self.f64_from(bytes)).collect())
     }
 
-    /// Reads a string. Without its NUL only when its length is 0, as some senders write it.
+    /// Reads a string. It may lack its NUL only if its length is 0, as some senders write it.
     ///
     /// # Errors
     /// When it claims more than the payload holds, is not terminated, or not UTF-8.
@@ -210,7 +210,7 @@ impl<'a> CdrReader<'a> {
         self.sequence(field, 4, STRINGS_MAX, |reader| reader.string(field))
     }
 
-    /// Ends the reading behind `last_field`.
+    /// Ends reading after `last_field`.
     ///
     /// # Errors
     /// When more follows than padding.
@@ -224,7 +224,7 @@ impl<'a> CdrReader<'a> {
         }
     }
 
-    /// Reads a sequence's length and checks that so many elements can follow.
+    /// Reads a sequence's length and checks that as many elements can follow.
     fn length(&mut self, field: &'static str, element_bytes: usize) -> Result<usize, CdrError> {
         let claimed = self.u32(field)?;
         let accepted = self.left() / element_bytes;

@@ -3,14 +3,14 @@
 /// Encapsulation header of little-endian `PLAIN_CDR`.
 const HEADER: [u8; 4] = [0, 1, 0, 0];
 
-/// Writes the fields of one payload in order.
+/// Writer of the fields of one payload, in order.
 #[derive(Debug, Clone)]
 pub struct CdrWriter {
     bytes: Vec<u8>,
 }
 
 impl CdrWriter {
-    /// Begins a payload; `body_bytes` is how many bytes are expected to follow its header.
+    /// Begins a payload; `body_bytes` is the number of bytes expected after its header.
     pub fn with_capacity(body_bytes: usize) -> Self {
         let mut bytes = Vec::with_capacity(HEADER.len() + body_bytes);
         bytes.extend_from_slice(&HEADER);
@@ -94,7 +94,7 @@ impl CdrWriter {
         }
     }
 
-    /// The payload, header and all.
+    /// Returns the payload with its header.
     pub fn into_bytes(self) -> Vec<u8> {
         self.bytes
     }

@@ -28,9 +28,9 @@ pub struct AckermannDrive {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AckermannDriveStamped {
-    /// When the interval ended.
+    /// Stamp at the end of the interval.
     pub header: Header,
-    /// What was measured.
+    /// Measured values.
     pub drive: AckermannDrive,
 }
 

@@ -8,7 +8,7 @@ use crate::cdr::{CdrError, CdrReader, CdrWriter};
 /// Nanoseconds of a second.
 pub(super) const NANOSEC_END: u32 = 1_000_000_000;
 
-/// A time since 1970: whole seconds, and nanoseconds that are always added.
+/// Time since 1970: whole seconds, and nanoseconds that are always added.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
 )]
@@ -22,13 +22,13 @@ pub struct Time {
 }
 
 impl Time {
-    /// The time in nanoseconds.
+    /// Returns the time in nanoseconds.
     pub fn as_ns(self) -> i64 {
         i64::from(self.sec) * i64::from(NANOSEC_END) + i64::from(self.nanosec)
     }
 
-    /// The time `stamp_ns` nanoseconds after 1970; `None` outside the 68 years either way that a
-    /// ROS stamp can say.
+    /// Returns the time `stamp_ns` nanoseconds after 1970; `None` outside the 68 years either way
+    /// that a ROS stamp can represent.
     pub fn from_ns(stamp_ns: i64) -> Option<Self> {
         let second_ns = i64::from(NANOSEC_END);
         let sec = i32::try_from(stamp_ns.div_euclid(second_ns)).ok()?;
@@ -37,11 +37,11 @@ impl Time {
     }
 }
 
-/// When and in which frame a message holds.
+/// Stamp and frame of a message.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Header {
-    /// When, by the robot's clock.
+    /// Stamp by the robot's clock.
     pub stamp: Time,
     /// Name of the frame.
     #[serde(default)]

@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 use super::{Header, RosMessage, serde_forms};
 use crate::cdr::{CdrError, CdrReader, CdrWriter};
 
-/// State of some joints. Each array has one entry a joint, or none at all.
+/// State of some joints. Each array has one entry for each joint, or is empty.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointState {
-    /// When it was measured.
+    /// Stamp of the measurement.
     pub header: Header,
     /// Names of the joints, at most [`crate::cdr::STRINGS_MAX`].
     #[serde(deserialize_with = "serde_forms::names")]
@@ -26,12 +26,12 @@ pub struct JointState {
 }
 
 impl JointState {
-    /// Position of a joint, when the message has it.
+    /// Returns the position of a joint, if the message has it.
     pub fn position_of(&self, joint: &str) -> Option<f64> {
         self.position.get(self.index_of(joint)?).copied()
     }
 
-    /// Velocity of a joint, when the message has it.
+    /// Returns the velocity of a joint, if the message has it.
     pub fn velocity_of(&self, joint: &str) -> Option<f64> {
         self.velocity.get(self.index_of(joint)?).copied()
     }

@@ -8,16 +8,16 @@ use thiserror::Error;
 use super::{Header, RosMessage, serde_forms};
 use crate::cdr::{CdrError, CdrReader, CdrWriter};
 
-/// How many beams more or fewer than its angles say a scan may have: drivers count both ends, or
-/// one, and round.
+/// Largest difference between the number of beams and the number by the angles: drivers count both
+/// ends, or one, and round.
 pub const BEAMS_TOLERANCE: f64 = 1.5;
 
-/// One scan. Stamped at its first beam; `time_increment` other than 0 says that the beams were
-/// taken one after the other.
+/// One scan. Stamped at its first beam; a `time_increment` other than 0 means that the beams were
+/// measured one after the other.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LaserScan {
-    /// When the first beam was taken, and the LiDAR's frame.
+    /// Time of the first beam, and the LiDAR's frame.
     pub header: Header,
     /// Direction of the first beam, rad.
     pub angle_min: f32,
@@ -34,13 +34,13 @@ pub struct LaserScan {
     pub range_min: f32,
     /// Longest valid range, m.
     pub range_max: f32,
-    /// Ranges, m; what is infinite, not a number or outside the limits is no return.
+    /// Ranges, m; infinite ones, not-a-number and values outside the limits are missing returns.
     #[serde(
         serialize_with = "serde_forms::beams",
         deserialize_with = "serde_forms::ranges"
     )]
     pub ranges: Arc<[f32]>,
-    /// Intensities, one a beam, or none.
+    /// Intensities, one for each beam, or empty.
     #[serde(
         default = "serde_forms::no_beams",
         serialize_with = "serde_forms::beams",
@@ -49,10 +49,10 @@ pub struct LaserScan {
     pub intensities: Arc<[f32]>,
 }
 
-/// Why a scan contradicts itself.
+/// Reason for which a scan contradicts itself.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ScanRefused {
-    /// An angle that is no number, or a step that leads nowhere.
+    /// An angle is not finite, or the step is impossible.
     #[error("{field}: got {value}, expected a finite number (and a step other than zero)")]
     Angle {
         /// Name of the field.
@@ -60,24 +60,24 @@ pub enum ScanRefused {
         /// Its value.
         value: f32,
     },
-    /// More or fewer beams than the angles say.
+    /// The number of beams contradicts the angles.
     #[error(
         "ranges has {beams} beams, but angle_min, angle_max and angle_increment make {wanted:.0}; \
          expected that number, one more or one fewer"
     )]
     Length {
-        /// How many there are.
+        /// Number of beams.
         beams: usize,
-        /// How many the angles say.
+        /// Number by the angles.
         wanted: f64,
     },
 }
 
 impl LaserScan {
-    /// Whether the number of beams is what the angles say, within `BEAMS_TOLERANCE`.
+    /// Checks that the number of beams agrees with the angles, within `BEAMS_TOLERANCE`.
     ///
     /// # Errors
-    /// Names the angle that is no number, or says both counts.
+    /// Names the angle that is not finite, or both numbers.
     pub fn check_beams(&self) -> Result<(), ScanRefused> {
         let angles = [
             ("angle_min", self.angle_min),

@@ -39,22 +39,22 @@ pub trait RosMessage: Sized + Serialize + DeserializeOwned {
     /// Its type, `sensor_msgs/msg/LaserScan`.
     const TYPE: &'static str;
 
-    /// Reads its fields and makes sure that nothing follows them.
+    /// Reads its fields and checks that nothing follows them.
     ///
     /// # Errors
-    /// Names the field that is not there or can't be.
+    /// Names the field that is missing or has an impossible value.
     fn read(reader: CdrReader<'_>) -> Result<Self, CdrError>;
 
     /// Writes its fields.
     fn write(&self, writer: &mut CdrWriter);
 
-    /// How many bytes [`Self::write`] is going to write, roughly.
+    /// Returns the approximate number of bytes that [`Self::write`] is going to write.
     fn body_bytes(&self) -> usize;
 
     /// Reads a payload in CDR of either byte order.
     ///
     /// # Errors
-    /// Names the field that is not there or can't be.
+    /// Names the field that is missing or has an impossible value.
     fn from_cdr(payload: &[u8]) -> Result<Self, DecodeError> {
         let refused = |reason| DecodeError::Cdr {
             message: Self::TYPE,
@@ -65,7 +65,7 @@ pub trait RosMessage: Sized + Serialize + DeserializeOwned {
             .map_err(refused)
     }
 
-    /// The message in little-endian CDR, with its four bytes of header.
+    /// Writes the message in little-endian CDR, with its four bytes of header.
     fn to_cdr(&self) -> Vec<u8> {
         let mut writer = CdrWriter::with_capacity(self.body_bytes());
         self.write(&mut writer);
@@ -86,7 +86,7 @@ pub trait RosMessage: Sized + Serialize + DeserializeOwned {
         Ok(message)
     }
 
-    /// The message in JSON.
+    /// Writes the message in JSON.
     ///
     /// # Errors
     /// Never for the messages of this crate; serde's signature has one.
@@ -97,7 +97,7 @@ pub trait RosMessage: Sized + Serialize + DeserializeOwned {
     /// Reads a payload in the form that its encoding names.
     ///
     /// # Errors
-    /// Names the field that is not there or can't be.
+    /// Names the field that is missing or has an impossible value.
     fn decode(encoding: Encoding, payload: &[u8]) -> Result<Self, DecodeError> {
         match encoding {
             Encoding::Cdr => Self::from_cdr(payload),

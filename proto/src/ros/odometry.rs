@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{Header, RosMessage, serde_forms};
 use crate::cdr::{CdrError, CdrReader, CdrWriter};
 
-/// Covariance of (x, y, z, roll, pitch, yaw), row by row; all zeros when the sender has none.
+/// Covariance of (x, y, z, roll, pitch, yaw), row by row; all zeros if the sender has none.
 pub type Covariance = [f64; 36];
 
 const NO_COVARIANCE: Covariance = [0.0; 36];
@@ -51,7 +51,7 @@ impl Default for Quaternion {
 }
 
 impl Quaternion {
-    /// A turn by `yaw_rad` about z.
+    /// Makes a turn by `yaw_rad` about z.
     pub fn from_yaw(yaw_rad: f64) -> Self {
         let (z, w) = (0.5 * yaw_rad).sin_cos();
         Self {
@@ -62,8 +62,8 @@ impl Quaternion {
         }
     }
 
-    /// The turn about z, rad in `[-pi, pi]`. The quaternion need not be of length one; one of
-    /// zeros gives 0, and not-a-number stays so.
+    /// Returns the turn about z, rad in `[-pi, pi]`. The quaternion need not be of length one; one
+    /// of zeros gives 0, and not-a-number stays so.
     pub fn yaw_rad(&self) -> f64 {
         let sine = 2.0 * (self.w * self.z + self.x * self.y);
         let cosine = self.w * self.w + self.x * self.x - self.y * self.y - self.z * self.z;
@@ -100,9 +100,9 @@ pub struct PoseWithCovariance {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Twist {
-    /// m/s.
+    /// Linear velocity, m/s.
     pub linear: Vector3,
-    /// rad/s.
+    /// Angular velocity, rad/s.
     pub angular: Vector3,
 }
 
@@ -125,9 +125,9 @@ pub struct TwistWithCovariance {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Odometry {
-    /// When, and the frame the pose is in.
+    /// Stamp, and the frame of the pose.
     pub header: Header,
-    /// The frame that moves.
+    /// The moving frame.
     #[serde(default)]
     pub child_frame_id: String,
     /// Its pose.

@@ -38,11 +38,11 @@ pub enum PointDatatype {
     Float64 = 8,
 }
 
-/// What a datatype's number may be, in words.
+/// Accepted numbers of a datatype, in words.
 const DATATYPES: &str = "1 to 8 (int8, uint8, int16, uint16, int32, uint32, float32, float64)";
 
 impl PointDatatype {
-    /// All of them, in the order of their numbers.
+    /// All datatypes, in the order of their numbers.
     pub const ALL: [Self; 8] = [
         Self::Int8,
         Self::Uint8,
@@ -54,7 +54,7 @@ impl PointDatatype {
         Self::Float64,
     ];
 
-    /// Bytes of one number.
+    /// Returns the size of one number, bytes.
     pub const fn bytes(self) -> usize {
         match self {
             Self::Int8 | Self::Uint8 => 1,
@@ -86,29 +86,29 @@ impl From<PointDatatype> for u8 {
 pub struct PointField {
     /// Its name: `x`, `intensity`.
     pub name: String,
-    /// Where it begins in a point, bytes.
+    /// Offset in a point, bytes.
     pub offset: u32,
     /// The type of its numbers.
     pub datatype: PointDatatype,
-    /// How many numbers it has.
+    /// Number of its values.
     pub count: u32,
 }
 
-/// The points of one turn of a scanner. Their bytes are checked by [`PointCloud2::check_layout`],
-/// not when they are read.
+/// Points of one turn of a scanner. Their bytes are checked by [`PointCloud2::check_layout`], not
+/// when they are read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointCloud2 {
-    /// When, and the LiDAR's frame.
+    /// Stamp, and the LiDAR's frame.
     pub header: Header,
     /// Rows: rings of an organised cloud, 1 for an unorganised one.
     pub height: u32,
     /// Points of a row.
     pub width: u32,
-    /// What a point consists of.
+    /// Fields of a point.
     #[serde(deserialize_with = "serde_forms::at_most::<_, FIELDS_MAX, _>")]
     pub fields: Vec<PointField>,
-    /// Whether numbers have their most significant byte first.
+    /// True if numbers have their most significant byte first.
     pub is_bigendian: bool,
     /// Bytes from one point to the next.
     pub point_step: u32,
@@ -120,11 +120,11 @@ pub struct PointCloud2 {
         deserialize_with = "serde_forms::bytes"
     )]
     pub data: Arc<[u8]>,
-    /// Whether every point is valid.
+    /// True if every point is valid.
     pub is_dense: bool,
 }
 
-/// Why a cloud contradicts itself.
+/// Reason for which a cloud contradicts itself.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{field}: got {value}, expected {accepted}")]
 pub struct CloudRefused {
@@ -132,7 +132,7 @@ pub struct CloudRefused {
     pub field: &'static str,
     /// Its value.
     pub value: String,
-    /// What would have been accepted.
+    /// Accepted values.
     pub accepted: String,
 }
 
@@ -146,7 +146,7 @@ impl CloudRefused {
     }
 }
 
-/// Where in a point a number lies, and how it is read.
+/// Place and type of a number in a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Column {
     offset: usize,
@@ -155,12 +155,12 @@ pub struct Column {
 }
 
 impl Column {
-    /// The type of its numbers.
+    /// Returns the type of its numbers.
     pub fn datatype(&self) -> PointDatatype {
         self.datatype
     }
 
-    /// The number in a point's bytes; not a number where the point is too short.
+    /// Reads the number from a point's bytes; not-a-number if the point is too short.
     #[inline]
     pub fn read(&self, point: &[u8]) -> f64 {
         let number = match self.datatype {
@@ -176,7 +176,7 @@ impl Column {
         number.unwrap_or(f64::NAN)
     }
 
-    /// Its bytes, the least significant first.
+    /// Returns its bytes, the least significant first.
     #[inline]
     fn bytes<const N: usize>(&self, point: &[u8]) -> Option<[u8; N]> {
         let mut bytes: [u8; N] = *point.get(self.offset..)?.first_chunk()?;
@@ -188,10 +188,10 @@ impl Column {
 }
 
 impl PointCloud2 {
-    /// Whether sizes, steps and fields go together with the bytes that are there.
+    /// Checks that sizes, steps and fields agree with the bytes.
     ///
     /// # Errors
-    /// Names the field, its value and what is accepted.
+    /// Names the field, its value and the accepted values.
     pub fn check_layout(&self) -> Result<(), CloudRefused> {
         let points = u64::from(self.width) * u64::from(self.height);
         if points > POINTS_MAX {
@@ -230,7 +230,7 @@ impl PointCloud2 {
         Ok(())
     }
 
-    /// The first number of the field called `name`; `None` where there is none.
+    /// Returns the first number of the field called `name`; `None` without the field.
     pub fn column(&self, name: &str) -> Option<Column> {
         let mut fields = self.fields.iter();
         let field = fields.find(|field| field.name == name && field.count > 0)?;
@@ -241,10 +241,10 @@ impl PointCloud2 {
         })
     }
 
-    /// The same of a field that has to be there.
+    /// Returns the first number of a required field.
     ///
     /// # Errors
-    /// Lists the fields that are there.
+    /// Lists the present fields.
     pub fn needed_column(&self, name: &'static str) -> Result<Column, CloudRefused> {
         self.column(name).ok_or_else(|| {
             let names: Vec<_> = self.fields.iter().map(|f| clipped(&f.name)).collect();
@@ -253,7 +253,7 @@ impl PointCloud2 {
         })
     }
 
-    /// The bytes of each point, row after row, of a cloud whose layout was checked.
+    /// Iterates over the bytes of each point, row after row, of a cloud whose layout was checked.
     pub fn points(&self) -> impl Iterator<Item = &[u8]> {
         let step = (self.point_step as usize).max(1);
         let row_bytes = self.width as usize * step;

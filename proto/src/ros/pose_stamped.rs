@@ -9,7 +9,7 @@ use crate::cdr::{CdrError, CdrReader, CdrWriter};
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseStamped {
-    /// When, and the frame the pose is in.
+    /// Stamp, and the frame of the pose.
     pub header: Header,
     /// The pose.
     pub pose: Pose,

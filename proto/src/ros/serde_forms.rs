@@ -11,12 +11,12 @@ use serde::{Deserialize, Deserializer, Serializer};
 
 use crate::cdr::STRINGS_MAX;
 
-/// Serializes beams; a number that JSON does not have becomes `null`.
+/// Serializes beams; a number that JSON cannot represent becomes `null`.
 pub(super) fn beams<S: Serializer>(values: &Arc<[f32]>, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_seq(values.iter())
 }
 
-/// Reads ranges; `null` is no return, which is infinite (ROS REP 117).
+/// Reads ranges; `null` is a missing return, which is infinite (ROS REP 117).
 pub(super) fn ranges<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<[f32]>, D::Error> {
     deserializer.deserialize_seq(Beams {
         null_is: f32::INFINITY,

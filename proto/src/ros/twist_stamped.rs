@@ -9,7 +9,7 @@ use crate::cdr::{CdrError, CdrReader, CdrWriter};
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TwistStamped {
-    /// When, and the frame that moves.
+    /// Stamp, and the moving frame.
     pub header: Header,
     /// Its velocities.
     pub twist: Twist,

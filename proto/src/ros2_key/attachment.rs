@@ -1,22 +1,23 @@
 //! Attachment of `rmw_zenoh` to each message.
 
-/// Bytes of a publisher's id.
+/// Length of a publisher's id, bytes.
 pub const GID_BYTES: usize = 16;
 
-/// What a subscriber of `rmw_zenoh` needs beside a message: one without is dropped there. Here it
-/// only tells publishers apart, where it has the layout of today.
+/// Attachment that a subscriber of `rmw_zenoh` requires: it drops messages without. Here it only
+/// distinguishes publishers, if it has the present layout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Attachment {
-    /// Counts the publisher's messages.
+    /// Number of the publisher's message.
     pub sequence: i64,
-    /// When it was sent, ns since 1970.
+    /// Time of sending, ns since 1970.
     pub source_ns: i64,
     /// The publisher's id.
     pub gid: [u8; GID_BYTES],
 }
 
 impl Attachment {
-    /// Its bytes in the layout of today: both numbers, little-endian, and the id behind its length.
+    /// Returns its bytes in the present layout: both numbers, little-endian, and the id behind its
+    /// length.
     pub fn to_bytes(self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(17 + GID_BYTES);
         bytes.extend(self.sequence.to_le_bytes());
@@ -26,7 +27,7 @@ impl Attachment {
         bytes
     }
 
-    /// Reads the layout of [`Self::to_bytes`]; `None` of any other.
+    /// Reads the layout of [`Self::to_bytes`]; `None` for any other.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (sequence, bytes) = bytes.split_first_chunk()?;
         let (source_ns, bytes) = bytes.split_first_chunk()?;

@@ -20,12 +20,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::message_type::MessageType;
 
-/// What stands for the hash in keys of Humble.
+/// Placeholder of the hash in keys of Humble.
 pub const NO_HASH: &str = "TypeHashNotSupported";
-/// What tells the type of a message in a key of `rmw_zenoh` from a part of its topic.
+/// Part of a key of `rmw_zenoh` that distinguishes the type of a message from its topic.
 const DDS_TYPE_PART: &str = "::msg::dds_::";
 
-/// Which keys a robot's topics have.
+/// Layout of the keys of a robot's topics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -38,19 +38,19 @@ pub enum KeyLayout {
     BridgeRos2dds,
 }
 
-/// The key of a topic's messages, taken apart.
+/// Parsed key of a topic's messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TopicKey<'k> {
-    /// What stands before type and hash: `0/tugger_01/scan`, or of a bridge `tugger_01/scan`.
+    /// Part before type and hash: `0/tugger_01/scan`, or for a bridge `tugger_01/scan`.
     pub path: &'k str,
-    /// Which layout it has.
+    /// Layout of the key.
     pub layout: KeyLayout,
-    /// The type, where the key has it, as it is spelled there.
+    /// The type, if the key has it, in its spelling there.
     pub type_name: Option<&'k str>,
 }
 
 impl<'k> TopicKey<'k> {
-    /// Takes a key apart; what has no type in it is taken for a key of the bridge.
+    /// Parses a key; one without a type counts as a key of the bridge.
     pub fn parse(key: &'k str) -> Self {
         let typed = key.rsplit_once('/').and_then(|(front, hash)| {
             let (path, type_name) = front.rsplit_once('/')?;
@@ -67,7 +67,7 @@ impl<'k> TopicKey<'k> {
         })
     }
 
-    /// The type, when it is one that is read here.
+    /// Returns the type, if it is one of [`MessageType`].
     pub fn message_type(&self) -> Option<MessageType> {
         self.type_name.and_then(MessageType::of_ros_type)
     }
@@ -86,12 +86,12 @@ pub fn typed_expression(path: &str, message_type: MessageType) -> String {
     format!("{path}/{}/*", message_type.dds_type())
 }
 
-/// Key of a type's messages on a path, as Humble has it, without a hash.
+/// Key of a type's messages on a path in the form of Humble, without a hash.
 pub fn typed_key(path: &str, message_type: MessageType) -> String {
     format!("{path}/{}/{NO_HASH}", message_type.dds_type())
 }
 
-/// A type as ROS 2 writes it, `sensor_msgs/msg/Image`, of the spellings in keys and tokens.
+/// Converts a type's spellings in keys and tokens to that of ROS 2, `sensor_msgs/msg/Image`.
 fn ros_type_name(name: &str) -> String {
     let parts = name
         .split(['/', '\u{a7}'])

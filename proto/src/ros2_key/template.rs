@@ -23,18 +23,18 @@ enum Chunk {
     Literal(String),
 }
 
-/// Where a robot's id stands in the paths of its topics: `{domain}/{robot}/{topic}`,
+/// Template of a topic's path with the place of a robot's id: `{domain}/{robot}/{topic}`,
 /// `site_a/{robot}/{topic}`, `*/{robot}/{topic}`.
 ///
 /// `{domain}` is a number and `*` any one chunk. `{topic}` comes last and may be several chunks.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct KeyTemplate {
-    /// Without the topic.
+    /// Chunks without the topic.
     chunks: Vec<Chunk>,
 }
 
-/// Why a text is no template.
+/// Reason for which a text is not a template.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
     "key template {text:?} {reason}, expected chunks of {{robot}} (once), {{domain}}, * and \
@@ -43,16 +43,16 @@ pub struct KeyTemplate {
 pub struct TemplateRefused {
     /// The text.
     pub text: String,
-    /// What is wrong with it.
+    /// Fault of the text.
     pub reason: &'static str,
 }
 
-/// What a path is by a template.
+/// Parts of a path that matches a template.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Matched<'p> {
-    /// Whose topic it is.
+    /// Id of the robot.
     pub robot: RobotId,
-    /// What stands before the topic.
+    /// Part before the topic.
     pub prefix: &'p str,
     /// The topic's name below the robot, `front/scan`.
     pub topic: &'p str,
@@ -62,7 +62,7 @@ impl KeyTemplate {
     /// Checks a text and makes it a template.
     ///
     /// # Errors
-    /// Says what is wrong with it and what is accepted.
+    /// One sentence that names the fault and the accepted form.
     pub fn parse(text: &str) -> Result<Self, TemplateRefused> {
         let refused = |reason| TemplateRefused {
             text: text.to_owned(),
@@ -99,7 +99,7 @@ impl KeyTemplate {
         Ok(Self { chunks })
     }
 
-    /// What a path is by this template; `None` when it is of another shape.
+    /// Matches a path with this template; `None` if it has another shape.
     pub fn matched<'p>(&self, path: &'p str) -> Option<Matched<'p>> {
         let mut rest = path;
         let mut robot = None;

@@ -2,36 +2,39 @@
 
 use super::{KeyLayout, layout_of_hash, ros_type_name};
 
-/// The tokens of `rmw_zenoh`, without and with a Zenoh namespace before them.
+/// Tokens of `rmw_zenoh`, without and with a Zenoh namespace before them.
 pub const TOKENS_OF_RMW: [&str; 2] = ["@ros2_lv/**", "*/@ros2_lv/**"];
-/// The tokens of `zenoh-bridge-ros2dds`.
+/// Tokens of `zenoh-bridge-ros2dds`.
 pub const TOKENS_OF_BRIDGE: &str = "@/*/@ros2_lv/**";
 
 const MARK: &str = "@ros2_lv";
-/// A node, and a publisher of messages.
+/// Kind of a node in a token.
 const NODE: &str = "NN";
+/// Kind of a publisher of messages in a token.
 const PUBLISHER: &str = "MP";
-/// What stands for a name that is empty, in a token of `rmw_zenoh`.
+/// Placeholder of an empty name in a token of `rmw_zenoh`.
 const EMPTY: &str = "%";
-/// Reliable, transient-local, the last message alone: what differs from the defaults of `rmw_zenoh`.
+/// Settings that differ from the defaults of `rmw_zenoh`: reliable, transient-local, the last
+/// message alone.
 const LATCHED: &str = ":1:,1:,:,:,,";
-/// What stands for a slash in a token of `rmw_zenoh`, and in one of the bridge.
+/// Placeholder of a slash in a token of `rmw_zenoh`.
 const SLASH_OF_RMW: char = '%';
+/// Placeholder of a slash in a token of the bridge.
 const SLASH_OF_BRIDGE: char = '\u{a7}';
 
-/// A publisher that a token announces.
+/// Publisher that a token announces.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Announcement {
     /// The topic's path, as in the keys of its messages: `0/tugger_01/scan`.
     pub path: String,
     /// Its type, `sensor_msgs/msg/LaserScan`.
     pub type_name: String,
-    /// Which keys its messages have.
+    /// Layout of its messages' keys.
     pub layout: KeyLayout,
 }
 
 impl Announcement {
-    /// Reads a token's key; `None` of one that announces no publisher of messages.
+    /// Parses a token's key; `None` if it does not announce a publisher of messages.
     pub fn of_token(key: &str) -> Option<Self> {
         let chunks: Vec<&str> = key.split('/').collect();
         if let ["@", _, MARK, PUBLISHER, path, type_name, ..] = *chunks.as_slice() {
@@ -72,12 +75,12 @@ impl Announcement {
     }
 }
 
-/// A node with one publisher of the last message, reliable and transient-local, as `rmw_zenoh`
-/// announces it.
+/// A node with one publisher of the last message, reliable and transient-local, in the form that
+/// `rmw_zenoh` announces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LatchedTopic<'a> {
-    /// What stands before the topic in keys, the ROS domain included: `0/tugger_01`. It is the
-    /// node's namespace too.
+    /// Prefix of the topic in keys, including the ROS domain: `0/tugger_01`. It is the node's
+    /// namespace too.
     pub prefix: &'a str,
     /// The topic's name below that: `calibration/approved`.
     pub topic: &'a str,
@@ -94,9 +97,9 @@ pub struct LatchedTopic<'a> {
 }
 
 impl LatchedTopic<'_> {
-    /// The keys of its tokens, the node's and the publisher's; `None` when no chunk of the prefix
-    /// is a domain. Names of ROS 2 begin with no digit, so the last number is the domain, and what
-    /// stands before it a Zenoh namespace.
+    /// Returns the keys of its tokens, the node's and the publisher's; `None` if no chunk of the
+    /// prefix is a domain. Names of ROS 2 never begin with a digit, so the last number is the
+    /// domain, and the part before it a Zenoh namespace.
     pub fn tokens(&self) -> Option<[String; 2]> {
         let chunks: Vec<&str> = self.prefix.split('/').collect();
         let is_number = |chunk: &&str| chunk.bytes().all(|byte| byte.is_ascii_digit());
@@ -143,7 +146,7 @@ impl LatchedTopic<'_> {
     }
 }
 
-/// A fully qualified name, with what stands for slashes.
+/// Joins a fully qualified name with the placeholders of slashes.
 fn mangled<'n>(names: impl Iterator<Item = &'n str>) -> String {
     names.fold(String::new(), |mut text, name| {
         text.push(SLASH_OF_RMW);

@@ -27,7 +27,7 @@ pub const TRUSTED_KEYS_MAX: usize = 8;
 /// Bytes of a secret and of a public key.
 pub const KEY_BYTES: usize = 32;
 
-/// Hexadecimal digits of the public key's SHA-256 that make its id.
+/// Number of hexadecimal digits of the public key's SHA-256 that make its id.
 const KEY_ID_CHARACTERS: usize = 16;
 
 /// The secret half of a key. Its bytes are erased when it is dropped and never shown by `Debug`.
@@ -35,17 +35,17 @@ const KEY_ID_CHARACTERS: usize = 16;
 pub struct SigningKey(ed25519_dalek::SigningKey);
 
 impl SigningKey {
-    /// The key that 32 bytes of a cryptographic random source make.
+    /// Makes a key from 32 bytes of a cryptographic random source.
     pub fn from_bytes(secret: &[u8; KEY_BYTES]) -> Self {
         Self(ed25519_dalek::SigningKey::from_bytes(secret))
     }
 
-    /// The secret bytes, to be kept where nobody else can read them.
+    /// Returns the secret bytes, to be kept where nobody else can read them.
     pub fn to_bytes(&self) -> [u8; KEY_BYTES] {
         self.0.to_bytes()
     }
 
-    /// The public half.
+    /// Returns the public half.
     pub fn public_key(&self) -> PublicKey {
         PublicKey(self.0.verifying_key())
     }
@@ -57,22 +57,23 @@ impl fmt::Debug for SigningKey {
     }
 }
 
-/// The public half of a key: what a robot is given once. Written as base64.
+/// Public half of a key, which robots are provisioned with once. Written as base64.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PublicKey(ed25519_dalek::VerifyingKey);
 
-/// Why a text is no public key.
+/// Reason for which a text is not a public key.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("public key {text:?}: {fault}, expected base64 of the 32 bytes of an Ed25519 public key")]
 pub struct PublicKeyRefused {
     /// The text.
     pub text: String,
-    /// What is wrong with it.
+    /// Fault of the text.
     pub fault: &'static str,
 }
 
 impl PublicKey {
-    /// Its short name, lower-case hexadecimal: the beginning of the SHA-256 of its 32 bytes.
+    /// Returns its short name, lower-case hexadecimal: the beginning of the SHA-256 of its 32
+    /// bytes.
     pub fn id(&self) -> String {
         let mut id = sha256_hex(self.0.as_bytes());
         id.truncate(KEY_ID_CHARACTERS);
@@ -108,15 +109,15 @@ impl FromStr for PublicKey {
     }
 }
 
-/// The keys whose signatures count, at least one.
+/// Keys whose signatures are trusted, at least one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TrustedKeys(Vec<PublicKey>);
 
-/// Why keys cannot be trusted together.
+/// Reason for which keys cannot be trusted together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("{count} trusted keys were given, expected 1 to 8")]
 pub struct TrustedKeysRefused {
-    /// How many were given.
+    /// Number of given keys.
     pub count: usize,
 }
 
@@ -124,7 +125,7 @@ impl TrustedKeys {
     /// Trusts several keys: the service's present one, and those before and after a change of key.
     ///
     /// # Errors
-    /// When there is none, or more than [`TRUSTED_KEYS_MAX`].
+    /// When there are none, or more than [`TRUSTED_KEYS_MAX`].
     pub fn new(keys: Vec<PublicKey>) -> Result<Self, TrustedKeysRefused> {
         let count = keys.len();
         if count == 0 || count > TRUSTED_KEYS_MAX {
@@ -133,7 +134,7 @@ impl TrustedKeys {
         Ok(Self(keys))
     }
 
-    /// The ids of the keys, parted by commas.
+    /// Returns the ids of the keys, separated by commas.
     pub fn ids(&self) -> String {
         let ids: Vec<String> = self.0.iter().map(PublicKey::id).collect();
         ids.join(", ")
@@ -150,21 +151,21 @@ impl From<PublicKey> for TrustedKeys {
     }
 }
 
-/// Why a document was not sealed.
+/// Reason for which a document was not sealed.
 #[derive(Debug, Error)]
 pub enum SealRefused {
-    /// A value or sigma is not a finite number, which JSON cannot carry.
+    /// A value or sigma is not a finite number, which JSON cannot represent.
     #[error("{field}: got {value}, expected finite numbers")]
     NotFinite {
         /// Its path in the document.
         field: String,
-        /// What it is.
+        /// Its value.
         value: f64,
     },
-    /// It cannot be written as JSON.
+    /// The document cannot be written as JSON.
     #[error("the document cannot be written: {0}")]
     Json(#[from] serde_json::Error),
-    /// Nobody would read it.
+    /// The envelope is longer than any reader accepts.
     #[error("envelope: got {length} bytes, expected at most 65536")]
     TooLarge {
         /// Its length in bytes.
@@ -172,10 +173,9 @@ pub enum SealRefused {
     },
 }
 
-/// A text that the service signs. The schema that it names keeps one kind from being taken for
-/// another.
+/// A text that the service signs. Its schema keeps one kind from being taken for another.
 pub trait Statement: Serialize + DeserializeOwned {
-    /// Its schema.
+    /// Name of its schema.
     const SCHEMA: &'static str;
 }
 
@@ -191,7 +191,7 @@ impl Statement for ConfirmationDocument {
     const SCHEMA: &'static str = "fleetcal.confirmation/1";
 }
 
-/// Writes a calibration document once, and hashes and signs exactly what was written.
+/// Writes a calibration document once, and hashes and signs exactly the written bytes.
 ///
 /// # Errors
 /// When a number is not finite, or the whole is longer than [`ENVELOPE_BYTES_MAX`].
@@ -205,7 +205,7 @@ pub fn seal(document: &CalibrationDocument, key: &SigningKey) -> Result<Envelope
     sign(document, key)
 }
 
-/// Writes a text once, and hashes and signs exactly what was written.
+/// Writes a text once, and hashes and signs exactly the written bytes.
 ///
 /// # Errors
 /// When it cannot be written, or the whole is longer than [`ENVELOPE_BYTES_MAX`].
@@ -224,41 +224,42 @@ pub fn sign<T: Statement>(statement: &T, key: &SigningKey) -> Result<Envelope, S
     Ok(envelope)
 }
 
-/// SHA-256 of some bytes in lower-case hexadecimal, as envelopes and acknowledgements carry it.
+/// Returns the SHA-256 of some bytes in lower-case hexadecimal, as in envelopes and
+/// acknowledgements.
 pub fn sha256_hex(bytes: &[u8]) -> String {
     format!("{:x}", Sha256::digest(bytes))
 }
 
-/// Why an envelope was not opened: which check failed.
+/// Reason for which an envelope was not opened: the check that failed.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum EnvelopeRefused {
-    /// Longer than [`OFFERED_BYTES_MAX`], and not looked at.
+    /// The payload is longer than [`OFFERED_BYTES_MAX`], and was not read.
     #[error("envelope: got {length} bytes, expected at most 69632")]
     TooLarge {
         /// Its length in bytes.
         length: usize,
     },
-    /// There is none.
+    /// The envelope is absent.
     #[error(
         "got none, expected one that the service has signed (services of before do not: upgrade \
          the service before its agents)"
     )]
     Absent,
-    /// The envelope itself is no JSON of its form.
+    /// The envelope itself is not JSON of its form.
     #[error("envelope: {0}")]
     Form(String),
     /// The document was altered, or the hash was.
     #[error("sha256 is {said}, the document's is {found}")]
     Hash {
-        /// What the envelope says.
+        /// Hash in the envelope.
         said: String,
-        /// What the document's bytes give.
+        /// Hash of the document's bytes.
         found: String,
     },
-    /// Signed with a key that is not trusted.
+    /// The key is not trusted.
     #[error("key_id: got {key_id:?}, expected {trusted}")]
     KeyUnknown {
-        /// Which key the envelope names.
+        /// Id of the key in the envelope.
         key_id: String,
         /// The ids of the trusted keys.
         trusted: String,
@@ -266,26 +267,26 @@ pub enum EnvelopeRefused {
     /// The signature is not that of the trusted key over these bytes.
     #[error("signature: {fault}, expected that of key {key_id} over the document's bytes")]
     Signature {
-        /// Which key it should be of.
+        /// Id of the key that it should be of.
         key_id: String,
-        /// What is wrong with it.
+        /// Fault of the signature.
         fault: &'static str,
     },
-    /// Signed and whole, but of a schema that is not known here.
+    /// The document is signed and whole, but its schema is unknown here.
     #[error("schema: got {found}, expected {expected:?}")]
     Schema {
-        /// What the document says, as JSON.
+        /// Schema in the document, as JSON.
         found: String,
-        /// What was asked for.
+        /// Expected schema.
         expected: &'static str,
     },
-    /// Signed and whole, but not a document of its schema.
+    /// The document is signed and whole, but does not follow its schema.
     #[error("document: {0}")]
     Document(String),
 }
 
 impl Envelope {
-    /// Opens that of a calibration document.
+    /// Opens the envelope of a calibration document.
     ///
     /// # Errors
     /// As [`Self::open_as`] does.
@@ -293,11 +294,11 @@ impl Envelope {
         self.open_as(trusted)
     }
 
-    /// Opens it: hash, key id, signature, schema and document are checked in this order, so that
-    /// nothing is read of a document that nobody signed.
+    /// Opens it: hash, key id, signature, schema and document are checked in this order, so that an
+    /// unsigned document is never parsed.
     ///
     /// # Errors
-    /// Which check failed, with what was found and what is accepted.
+    /// The check that failed, with the found and the accepted value.
     pub fn open_as<T: Statement>(&self, trusted: &TrustedKeys) -> Result<T, EnvelopeRefused> {
         let bytes = self.document.as_bytes();
         let found = sha256_hex(bytes);
@@ -328,7 +329,7 @@ impl Envelope {
 }
 
 impl Offered {
-    /// Reads what a robot was given, without opening it.
+    /// Reads a received envelope, without opening it.
     ///
     /// # Errors
     /// When it is longer than [`OFFERED_BYTES_MAX`] or not an envelope in JSON.
@@ -340,7 +341,7 @@ impl Offered {
         read(payload).map_err(EnvelopeRefused::Form)
     }
 
-    /// Opens the service's word that the document is wanted.
+    /// Opens the service's offer of the document.
     ///
     /// # Errors
     /// [`EnvelopeRefused::Absent`] without one; otherwise as [`Envelope::open_as`] does.
@@ -351,17 +352,17 @@ impl Offered {
 }
 
 impl Confirmed {
-    /// Opens what the service says that it has stored.
+    /// Opens the service's confirmation.
     ///
     /// # Errors
-    /// [`EnvelopeRefused::Absent`] when nobody signed it; otherwise as [`Envelope::open_as`] does.
+    /// [`EnvelopeRefused::Absent`] if it is unsigned; otherwise as [`Envelope::open_as`] does.
     pub fn open(&self, trusted: &TrustedKeys) -> Result<ConfirmationDocument, EnvelopeRefused> {
         let signed = self.signed.as_ref().ok_or(EnvelopeRefused::Absent)?;
         signed.open_as(trusted)
     }
 }
 
-/// Only the schema, so that a document of a later one is refused for that and for nothing else.
+/// Schema alone, so that a document of a later one is refused for that reason only.
 #[derive(Deserialize)]
 struct SchemaAlone {
     schema: serde_json::Value,
@@ -378,7 +379,7 @@ fn read_document<T: Statement>(bytes: &[u8]) -> Result<T, EnvelopeRefused> {
     read(bytes).map_err(EnvelopeRefused::Document)
 }
 
-/// Reads JSON; the sentence names the field.
+/// Reads JSON; an error names the field.
 fn read<T: for<'a> Deserialize<'a>>(bytes: &[u8]) -> Result<T, String> {
     let mut json = serde_json::Deserializer::from_slice(bytes);
     let value = serde_path_to_error::deserialize(&mut json).map_err(|error| error.to_string())?;

@@ -42,7 +42,7 @@ fn trusted() -> TrustedKeys {
     key().public_key().into()
 }
 
-/// An envelope around any text, sealed as [`seal`] does it.
+/// Makes an envelope around any text, sealed as by [`seal`].
 fn sealed_text(document: &str) -> Envelope {
     Envelope {
         document: document.to_owned(),
@@ -158,7 +158,8 @@ fn an_offer_stands_beside_the_document_and_former_agents_pass_it_over() {
     }
 }
 
-/// A document is no confirmation, and a confirmation no offer, though one key signs them all.
+/// Checks that neither a document, a confirmation nor an offer passes for another, though one key
+/// signs them all.
 #[test]
 fn no_kind_of_signed_text_passes_for_another() {
     let robot = RobotId::parse("tugger_01").unwrap();
@@ -182,7 +183,7 @@ fn no_kind_of_signed_text_passes_for_another() {
     assert!(matches!(refused, Err(EnvelopeRefused::Schema { .. })));
 }
 
-/// RFC 8032, section 7.1, test 1.
+/// Checks the vectors of RFC 8032, section 7.1, test 1.
 #[test]
 fn keys_and_signatures_are_those_of_the_standard() {
     let bytes = |hex: &str| -> Vec<u8> {

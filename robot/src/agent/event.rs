@@ -6,23 +6,22 @@ use thiserror::Error;
 
 use super::state::{Ending, Fallback, Offer, Phase};
 
-/// What happens to an agent.
+/// Event of an agent.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
     /// The process started.
     Restarted {
-        /// Whether the file says what was to be written when the process ended.
+        /// True if the file holds the values that were to be written when the process ended.
         written: bool,
     },
-    /// A document came.
+    /// A document arrived.
     Offered {
-        /// The document, and the service's word that it is wanted.
+        /// The document with its offer.
         offered: Offered,
-        /// The agent's question that it came for; `None` of one that was pushed, which is a hint to
-        /// ask.
+        /// The agent's question that it answers; `None` for a pushed one, which is a hint to query.
         answers: Option<Question>,
     },
-    /// The service says that it has stored an answer.
+    /// The service has confirmed a stored acknowledgement.
     Confirmed(Confirmed),
     /// A service came up.
     ServiceUp,
@@ -57,57 +56,59 @@ impl Event {
     }
 }
 
-/// What the robot says to a document.
+/// Answer of the robot to a document.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum HookAnswer {
     /// Apply it now.
     Go {
-        /// What the file says now; `None` when there is none.
+        /// Present content of the file; `None` without a file.
         before: Option<String>,
     },
-    /// Not now: the robot is on a mission.
+    /// Busy: the robot is on a mission.
     Busy,
-    /// It cannot be asked, or cannot prepare.
+    /// The hook cannot be called, or cannot prepare.
     Failed(String),
 }
 
-/// What became of values that were written.
+/// Outcome of written values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Activation {
-    /// The robot's software works with them.
+    /// The robot's software uses them.
     Done,
     /// A mission began in between: not now.
     Busy,
-    /// It cannot work with them.
+    /// The robot's software cannot use them.
     Failed(String),
 }
 
-/// What is to be done, in this order.
+/// Effect of an agent's step, performed in order.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Effect {
-    /// Ask whether this document may be applied now; comes back as [`Event::HookAnswered`].
+    /// Query the hook whether this document may be applied now; its answer comes as
+    /// [`Event::HookAnswered`].
     AskHook(Offer),
-    /// Write these values where the robot's software reads them; comes back as [`Event::Written`].
+    /// Write these values where the robot's software reads them; the result comes as
+    /// [`Event::Written`].
     Write(CalibrationValues),
-    /// Tell the hook that this document's values are written; comes back as [`Event::Activated`].
-    /// After a restart it may be told once more.
+    /// Notify the hook that this document's values are written; the result comes as
+    /// [`Event::Activated`]. It may be repeated once after a restart.
     Activate(Offer),
-    /// Write the former values back; comes back as [`Event::Restored`].
+    /// Write the former values back; the result comes as [`Event::Restored`].
     Restore(Fallback),
-    /// Tell the hook that this document's values are gone; comes back as [`Event::RevertTold`].
-    /// After a restart it may be told once more.
+    /// Notify the hook that this document's values are withdrawn; the result comes as
+    /// [`Event::RevertTold`]. It may be repeated once after a restart.
     TellReverted(Ending),
-    /// Answer the service.
+    /// Send an acknowledgement to the service.
     Acknowledge(Applied),
-    /// Ask the service what it has stored.
+    /// Query the service for the acknowledgement that it has stored.
     AskConfirmed,
-    /// Ask the service for the approved document and what it has stored.
+    /// Query the service for the approved document and the acknowledgement that it has stored.
     Pull,
-    /// Tell who reads the log.
+    /// Write a line to the log.
     Note(String),
 }
 
-/// An event that cannot happen in this phase: whoever performs the effects is at fault.
+/// Error of an event that cannot happen in this phase: the performer of the effects is at fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("{event} does not fit: the agent is {phase}")]
 pub struct TransitionRefused {

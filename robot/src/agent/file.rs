@@ -16,46 +16,47 @@ use super::state::Memory;
 
 /// Longest file that is read, bytes.
 const FILE_BYTES_MAX: u64 = 256 * 1024;
-/// Who may read a file that was not there before: everybody, as other programs of the robot do.
+/// Mode of a file that did not exist before: everybody may read it, as other programs of the robot
+/// do.
 const MODE: u32 = 0o644;
-/// The bit of a mode that lets everybody read.
+/// Bit of a mode by which everybody may read.
 const READABLE_BY_ALL: u32 = 0o004;
-/// What a file is called behind its name until it is whole.
+/// Suffix of a file's name until it is whole.
 const TEMPORARY_ENDING: &str = ".agent.tmp";
-/// What the memory's file is called behind the applied file's name.
+/// Suffix of the memory's file behind the applied file's name.
 const MEMORY_ENDING: &str = ".agent.json";
-/// What the lock is called: one agent for a file.
+/// Suffix of the lock: one agent for a file.
 const LOCK_ENDING: &str = ".agent.lock";
 
-/// Why a file of the agent cannot be used.
+/// Reason for which a file of the agent cannot be used.
 #[derive(Debug, Error)]
 pub enum FileError {
-    /// Its ending says no format.
+    /// The file's suffix names no known format.
     #[error("file to apply: got {}, expected a name ending in .yaml, .yml or .json", path.display())]
     Format {
         /// The file.
         path: PathBuf,
     },
-    /// It cannot be read or written.
+    /// The file cannot be read or written.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         source: io::Error,
     },
-    /// It is longer than a calibration.
+    /// The file is longer than a calibration can be.
     #[error("{} is longer than 262144 bytes: is it the calibration's file?", path.display())]
     TooLong {
         /// The file.
         path: PathBuf,
     },
-    /// The memory cannot be understood.
+    /// The memory cannot be parsed.
     #[error("{}: {reason}; move it away to begin again", path.display())]
     Memory {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault of the memory.
         reason: String,
     },
     /// The memory is that of another robot.
@@ -63,24 +64,24 @@ pub enum FileError {
     OtherRobot {
         /// The file.
         path: PathBuf,
-        /// Whose it is.
+        /// Robot of the memory.
         found: RobotId,
-        /// Whose agent this is.
+        /// Robot of this agent.
         robot: RobotId,
     },
-    /// Two files that the agent was to write are one.
+    /// Two files that the agent was to write are the same.
     #[error("{} is named for two of the agent's files, expected another file for each", path.display())]
     Twice {
         /// The file.
         path: PathBuf,
     },
-    /// A file that the agent was to write besides is there and not of its making.
+    /// An additional file that the agent was to write exists and was not written by it.
     #[error("{} was not written by this agent, which would replace it: move it away", path.display())]
     NotOurs {
         /// The file.
         path: PathBuf,
     },
-    /// Another agent works on it.
+    /// The file is in use by another agent.
     #[error("{}: another agent works on this file", path.display())]
     Locked {
         /// The lock.
@@ -91,19 +92,20 @@ pub enum FileError {
     Values {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Reason.
         reason: String,
     },
 }
 
-/// How values are written.
+/// Format of written values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Format {
     Yaml,
     Json,
 }
 
-/// The file to apply, with the memory beside it. While it lives no other agent can have it.
+/// The file to apply, with the memory beside it. While this value exists, no other agent can open
+/// it.
 #[derive(Debug)]
 pub(super) struct AppliedFile {
     path: PathBuf,
@@ -112,7 +114,7 @@ pub(super) struct AppliedFile {
 }
 
 impl AppliedFile {
-    /// Takes the file, which need not be there yet. A link is followed.
+    /// Opens the file, which need not exist yet. A link is followed.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let format = match path.extension().and_then(|ending| ending.to_str()) {
             Some("yaml" | "yml") => Format::Yaml,
@@ -143,23 +145,23 @@ impl AppliedFile {
         })
     }
 
-    /// Where it is, with links followed.
+    /// Returns its path, with links followed.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The files that are the agent's own: this one, the memory and the lock beside it.
+    /// Returns the agent's own files: this one, the memory and the lock beside it.
     pub fn own(&self) -> [PathBuf; 3] {
         let lock = beside(&self.path, LOCK_ENDING);
         [self.path.clone(), self.memory_path(), lock]
     }
 
-    /// What it says; `None` when it is not there.
+    /// Returns its content; `None` if it does not exist.
     pub fn read(&self) -> Result<Option<String>, FileError> {
         read(&self.path)
     }
 
-    /// The values in a text of this format; `None` when there are none in it.
+    /// Parses the values in a text of this format; `None` if the text is not one.
     pub fn values_in(&self, text: &str) -> Option<CalibrationValues> {
         match self.format {
             Format::Yaml => serde_saphyr::from_str(text).ok(),
@@ -167,7 +169,7 @@ impl AppliedFile {
         }
     }
 
-    /// The text of these values.
+    /// Formats these values.
     pub fn text_of(&self, values: &CalibrationValues) -> Result<String, FileError> {
         let text = match self.format {
             Format::Yaml => serde_saphyr::to_string(values).map_err(|error| error.to_string()),
@@ -181,7 +183,7 @@ impl AppliedFile {
         })
     }
 
-    /// Replaces it, and reads it back.
+    /// Replaces its content, and reads it back.
     pub fn write(&self, text: &str) -> Result<(), FileError> {
         replace(&self.path, text)?;
         if self.read()?.as_deref() != Some(text) {
@@ -191,7 +193,7 @@ impl AppliedFile {
         Ok(())
     }
 
-    /// Makes it what it was; `None`: not there.
+    /// Restores its former content; `None` removes it.
     pub fn restore(&self, before: Option<&str>) -> Result<(), FileError> {
         if self.read()?.as_deref() == before {
             return Ok(());
@@ -203,7 +205,7 @@ impl AppliedFile {
         self.write(text)
     }
 
-    /// What the agent remembers; `None` when it starts for the first time.
+    /// Returns the agent's memory; `None` at the first start.
     pub fn memory(&self, robot: &RobotId) -> Result<Option<Memory>, FileError> {
         let path = self.memory_path();
         let Some(text) = read(&path)? else {
@@ -223,7 +225,7 @@ impl AppliedFile {
         Ok(Some(memory))
     }
 
-    /// Writes down what the agent remembers.
+    /// Stores the agent's memory.
     pub fn remember(&self, memory: &Memory) -> Result<(), FileError> {
         let path = self.memory_path();
         let text = serde_json::to_string_pretty(memory).map_err(|error| FileError::Memory {
@@ -258,7 +260,7 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Where a file is, or would be, with links followed.
+/// Returns the present or future path of a file, with links followed.
 pub(super) fn resolved(path: &Path) -> PathBuf {
     let whole = fs::canonicalize(path).ok();
     let in_folder = || {
@@ -271,7 +273,7 @@ pub(super) fn resolved(path: &Path) -> PathBuf {
     whole.or_else(in_folder).unwrap_or_else(|| path.to_owned())
 }
 
-/// What a file says; `None` when it is not there.
+/// Returns the content of a file; `None` if it does not exist.
 pub(super) fn read(path: &Path) -> Result<Option<String>, FileError> {
     let file = match File::open(path) {
         Ok(file) => file,
@@ -288,8 +290,8 @@ pub(super) fn read(path: &Path) -> Result<Option<String>, FileError> {
     Ok(Some(text))
 }
 
-/// Temporary file, fsync, rename, fsync of the folder: after a power loss it is the old text or the
-/// new one. Whoever could read the old one can read the new one.
+/// Replaces a file by temporary file, fsync, rename, and fsync of the folder: after a power loss it
+/// has the old text or the new one. The readers of the old file can read the new one.
 pub(super) fn replace(path: &Path, text: &str) -> Result<(), FileError> {
     let temporary = beside(path, TEMPORARY_ENDING);
     let replaced = write_new(&temporary, text, fs::metadata(path).ok().as_ref())
@@ -302,8 +304,9 @@ pub(super) fn replace(path: &Path, text: &str) -> Result<(), FileError> {
     sync_folder(path)
 }
 
-/// Opens the lock, which holds nothing. A link in its place is refused: in a folder that others can
-/// write it could name any file of the agent's user. So is what is no file and might block.
+/// Opens the lock, which is empty. A link in its place is refused: in a folder that others can
+/// write it could name any file of the agent's user. So is anything that is not a file and might
+/// block.
 fn open_lock(path: &Path) -> io::Result<File> {
     let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
     let mut options = OpenOptions::new();
@@ -326,8 +329,8 @@ fn open_lock(path: &Path) -> io::Result<File> {
     Ok(lock)
 }
 
-/// Writes a file that is as accessible as the one before it. What a killed agent left goes first;
-/// the lock keeps every other agent away, and a link in the name's place is not followed.
+/// Writes a file with the access rights of the one before it. A killed agent's remainder is removed
+/// first; the lock keeps every other agent away, and a link under the name is not followed.
 fn write_new(path: &Path, text: &str, before: Option<&Metadata>) -> io::Result<()> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
@@ -343,7 +346,8 @@ fn write_new(path: &Path, text: &str, before: Option<&Metadata>) -> io::Result<(
     file.sync_all()
 }
 
-/// An agent that may not give files away does so only where everybody may read them.
+/// Keeps the owner of the file before. An agent without the right to change owners continues only
+/// where everybody may read both.
 fn keep_owner(file: &File, before: &Metadata) -> io::Result<()> {
     let now = file.metadata()?;
     if (now.uid(), now.gid()) == (before.uid(), before.gid()) {
@@ -406,7 +410,8 @@ mod tests {
         );
     }
 
-    /// YAML 1.1, which ROS 2 reads, takes `1` for an integer and `1e-7` for a string.
+    /// Checks numbers for YAML 1.1, which ROS 2 reads: it takes `1` for an integer and `1e-7` for a
+    /// string.
     #[test]
     fn every_number_in_yaml_has_a_point() {
         let folder = tempfile::tempdir().unwrap();

@@ -12,12 +12,13 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::process::{Child, ChildStderr, ChildStdin, Command};
 use tracing::debug;
 
-/// What a hook says when the robot is on a mission (`EX_TEMPFAIL` of `sysexits.h`).
+/// Exit status by which a hook reports that the robot is on a mission (`EX_TEMPFAIL` of
+/// `sysexits.h`).
 pub const EXIT_BUSY: i32 = 75;
-/// What is kept of a hook's standard error, bytes.
+/// Kept length of a hook's standard error, bytes.
 const STDERR_BYTES_MAX: u64 = 1024;
-/// How long the rest of what a hook said is waited for when it has ended: something that it started
-/// and left running may hold its standard error open for ever.
+/// Wait for the rest of a hook's standard error after its end: a process that it left running may
+/// hold that open for ever.
 const STDERR_LINGER: Duration = Duration::from_millis(100);
 
 /// A program on the robot, called without a shell.
@@ -27,18 +28,18 @@ pub struct Hook {
     pub program: PathBuf,
     /// Its arguments.
     pub arguments: Vec<String>,
-    /// It is killed, with everything it started, when it takes longer.
+    /// Time after which it is killed, with everything it started.
     pub timeout: Duration,
 }
 
-/// What a hook is called for.
+/// Purpose of a hook's call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Call {
-    /// May this document be applied now?
+    /// Query: may this document be applied now?
     Check,
     /// This document's values are written.
     Applied,
-    /// This document's values are gone, the former ones are back.
+    /// This document's values are withdrawn, and the former ones restored.
     Reverted,
 }
 
@@ -52,7 +53,7 @@ impl Call {
     }
 }
 
-/// What a hook said.
+/// Result of a hook's call.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Said {
     Yes,
@@ -60,19 +61,19 @@ pub(super) enum Said {
     Failed(String),
 }
 
-/// What a call is about.
+/// Subject of a call.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Subject {
     pub robot: RobotId,
     pub generation: Generation,
-    /// The document's exact text, which the hook finds on its standard input.
+    /// Exact text of the document, which the hook receives on its standard input.
     pub document: String,
     /// The file that the values are written to.
     pub file: PathBuf,
 }
 
 impl Hook {
-    /// Calls it, and waits for its answer.
+    /// Calls the hook, and waits for its result.
     pub(super) async fn call(&self, call: Call, subject: Subject) -> Said {
         let spawned = Command::new(&self.program)
             .args(&self.arguments)
@@ -156,7 +157,8 @@ async fn attend(mut child: Child, document: String) -> std::io::Result<(ExitStat
     Ok((status, String::from_utf8_lossy(&stderr).into_owned()))
 }
 
-/// Gives a hook the document, which it need not read, and keeps the beginning of what it says.
+/// Feeds a hook the document, which it need not read, and keeps the beginning of its standard
+/// error.
 async fn talk(
     stdin: Option<ChildStdin>,
     document: String,
@@ -192,7 +194,7 @@ mod tests {
 
     use super::*;
 
-    /// Long enough for anything that ends by itself.
+    /// Wait that suffices for anything that ends by itself.
     const PATIENCE: Duration = Duration::from_secs(30);
 
     fn shell(script: &str, timeout: Duration) -> Hook {

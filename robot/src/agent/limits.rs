@@ -4,7 +4,7 @@ use fleetcal_proto::calibration::CalibrationValues;
 use serde::Deserialize;
 use thiserror::Error;
 
-/// Lowest and highest value that is accepted, both included. In files it is `[lowest, highest]`.
+/// Lowest and highest accepted value, both included. In files it is `[lowest, highest]`.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(try_from = "[f64; 2]")]
 pub struct Range {
@@ -12,7 +12,7 @@ pub struct Range {
     highest: f64,
 }
 
-/// Why two numbers are no range.
+/// Reason for which two numbers are not a range.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error("range is [{lowest}, {highest}], expected two finite numbers, the lower one first")]
 pub struct RangeRefused {
@@ -21,10 +21,10 @@ pub struct RangeRefused {
 }
 
 impl Range {
-    /// The range from `lowest` to `highest`.
+    /// Makes the range from `lowest` to `highest`.
     ///
     /// # Errors
-    /// When one is not finite, or they are the wrong way round.
+    /// One is not finite, or they are in the wrong order.
     pub fn new(lowest: f64, highest: f64) -> Result<Self, RangeRefused> {
         if lowest.is_finite() && highest.is_finite() && lowest <= highest {
             return Ok(Self { lowest, highest });
@@ -32,7 +32,7 @@ impl Range {
         Err(RangeRefused { lowest, highest })
     }
 
-    /// From `middle - most` to `middle + most`.
+    /// Makes the range from `middle - most` to `middle + most`.
     const fn around(middle: f64, most: f64) -> Self {
         Self {
             lowest: middle - most,
@@ -53,25 +53,26 @@ impl TryFrom<[f64; 2]> for Range {
     }
 }
 
-/// The limits of each value under its name on the wire. What a file leaves out keeps its default.
+/// Limits of each value under its name on the wire. Keys that a file leaves out keep their
+/// defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// rad; 15° to either side unless set.
+    /// Steering offset, rad; 15° to either side by default.
     pub steering_offset_rad: Range,
-    /// m; from 2 m behind the rear axle to 6 m ahead of it unless set.
+    /// LiDAR's x, m; from 2 m behind the rear axle to 6 m ahead of it by default.
     pub lidar_x_m: Range,
-    /// m; 1.5 m to either side unless set.
+    /// LiDAR's y, m; 1.5 m to either side by default.
     pub lidar_y_m: Range,
-    /// rad; any direction unless set.
+    /// LiDAR's heading, rad; any direction by default.
     pub lidar_yaw_rad: Range,
-    /// 0.8 to 1.25 unless set.
+    /// Speed scale; 0.8 to 1.25 by default.
     pub speed_scale: Range,
-    /// m; 0.1 m to 10 m unless set.
+    /// Wheelbase, m; 0.1 m to 10 m by default.
     pub wheelbase_m: Range,
-    /// 0.5 to 2 unless set.
+    /// Steering gain; 0.5 to 2 by default.
     pub steering_gain: Range,
-    /// s; half a second to either side unless set.
+    /// Time offset, s; half a second to either side by default.
     pub time_offset_s: Range,
 }
 
@@ -90,20 +91,20 @@ impl Default for Limits {
     }
 }
 
-/// A value that this robot does not believe.
+/// A value outside this robot's limits.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("values.{field}: got {value}, expected {} to {} on this robot", range.lowest, range.highest)]
 pub struct OutsideLimits {
     /// Its name on the wire.
     pub field: &'static str,
-    /// What it is.
+    /// The value.
     pub value: f64,
-    /// What is accepted.
+    /// Accepted range.
     pub range: Range,
 }
 
 impl Limits {
-    /// The default limits, with the mount within `most_m` and `most_rad` of where it should be.
+    /// Makes the default limits, with the mount within `most_m` and `most_rad` of its nominal pose.
     pub fn around_mount(x_m: f64, y_m: f64, yaw_rad: f64, most_m: f64, most_rad: f64) -> Self {
         Self {
             lidar_x_m: Range::around(x_m, most_m),
@@ -113,10 +114,10 @@ impl Limits {
         }
     }
 
-    /// Checks every value that is there.
+    /// Checks every present value.
     ///
     /// # Errors
-    /// The first one that is outside.
+    /// The first value outside its limits.
     pub fn check(&self, values: &CalibrationValues) -> Result<(), OutsideLimits> {
         let refused = values.fields().find_map(|(field, value)| {
             let range = self.of(field)?;

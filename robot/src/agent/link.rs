@@ -23,28 +23,27 @@ use super::question::{Answer, Asker, hand_on};
 use crate::session::{at_key, publisher};
 use crate::session_error::SessionError;
 
-/// Where a service was there before, a robot turns to one that comes up within this time: not all
-/// robots at once.
+/// Time within which robots turn to a further service after one was there: each at its own moment.
 const TURN_WITHIN: Duration = Duration::from_secs(10);
-/// Messages that wait for the agent; one that finds no room comes again with the next pull.
+/// Messages that wait for the agent; those beyond come again with the next pull.
 const INCOMING_MAX: usize = 8;
 /// Longest confirmation that is read, bytes.
 const CONFIRMED_BYTES_MAX: usize = 4096;
 
-/// A robot's calibration keys, declared.
+/// Declarations of a robot's calibration keys.
 #[derive(Debug)]
 pub(crate) struct CalibrationLink {
     asker: Asker,
     applied: Publisher<'static>,
     approved_key: String,
     confirmed_key: String,
-    /// Held for what they do while they live.
+    /// Subscribers, active while they live.
     _subscribers: [Subscriber<()>; 3],
 }
 
 impl CalibrationLink {
-    /// Declares them. What comes in arrives in the receiver. Of several answers to one question the
-    /// newest counts that a trusted key has signed.
+    /// Declares the keys. Incoming messages arrive in the receiver. Of several answers to one
+    /// query, the newest that a trusted key has signed is used.
     pub async fn declare(
         session: &Session,
         keys: &Keys,
@@ -73,7 +72,7 @@ impl CalibrationLink {
         Ok((link, incoming))
     }
 
-    /// Answers the service.
+    /// Sends an acknowledgement to the service.
     pub async fn acknowledge(&self, answer: &Applied) -> Result<(), SessionError> {
         let key = self.applied.key_expr().as_str();
         let payload = serde_json::to_vec(answer).map_err(|error| SessionError::Key {
@@ -83,7 +82,7 @@ impl CalibrationLink {
         self.applied.put(payload).await.map_err(at_key(key))
     }
 
-    /// Asks for the approved document; it arrives as [`Event::Offered`].
+    /// Queries the approved document; it arrives as [`Event::Offered`].
     pub async fn ask_approved(&self) -> Result<(), SessionError> {
         let key = &self.approved_key;
         let mut bytes = [0; QUESTION_BYTES];
@@ -97,7 +96,7 @@ impl CalibrationLink {
         self.asker.ask(key, Some(&question), read).await
     }
 
-    /// Asks which answer is stored; it arrives as [`Event::Confirmed`].
+    /// Queries the stored acknowledgement; it arrives as [`Event::Confirmed`].
     pub async fn ask_confirmed(&self) -> Result<(), SessionError> {
         self.asker.ask(&self.confirmed_key, None, confirmed).await
     }
@@ -143,8 +142,8 @@ async fn subscribe(
     subscribed.await.map_err(at_key(key))
 }
 
-/// Says when a service comes up: at once of the first, and in the robot's turn of those that come up
-/// later, as all robots hear of them.
+/// Reports the appearance of a service: at once for the first, and at the robot's own moment for
+/// later ones, as all robots notice them together.
 async fn watch_services(
     session: &Session,
     key: &str,
@@ -174,7 +173,7 @@ async fn watch_services(
     watched.await.map_err(at_key(key))
 }
 
-/// When a robot turns to a service that came up, from then on: another time for each robot.
+/// Returns the delay with which a robot turns to a service that appeared: different for each robot.
 fn turn(robot: &RobotId, token: &str) -> Duration {
     let mut hasher = DefaultHasher::new();
     (robot.as_str(), token).hash(&mut hasher);

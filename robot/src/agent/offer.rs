@@ -15,41 +15,40 @@ use super::state::{Memory, Offer, Phase, Rest};
 /// Longest time that a document may leave a robot without confirmation, s.
 pub const CONFIRM_WITHIN_MAX_S: u32 = 86_400;
 
-/// Farthest that a vehicle's frames are from each other along an axis, m.
+/// Largest distance between a vehicle's frames along an axis, m.
 const VEHICLE_MAX_M: f64 = 30.0;
 
-/// What an agent is given and keeps.
+/// Identity of an agent, with its keys and limits.
 #[derive(Debug, Clone)]
 pub struct Identity {
-    /// Whose agent it is.
+    /// Id of the robot.
     pub robot: RobotId,
-    /// Whose signatures count.
+    /// Keys whose signatures are trusted.
     pub trusted: TrustedKeys,
-    /// What the robot believes.
+    /// Limits of the robot.
     pub limits: Limits,
 }
 
-/// What an agent makes of an envelope.
+/// Verdict on an envelope.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Verdict {
     /// Every check passed.
     Fit(Offer),
-    /// It was decided upon before, or is in use.
+    /// Decided before, or in use.
     Known,
-    /// Signed and new, but nobody asked: it may have been recorded long ago.
+    /// Signed and new, but unsolicited: it may have been recorded long ago.
     Unasked,
-    /// Signed, but not for now: it is answered and leaves no trace.
+    /// Signed, but not for now: it is acknowledged and leaves no trace.
     Stale(Refusal),
-    /// Signed and new, but not to be applied, now or later.
+    /// Signed and new, but never to be applied.
     Unfit(Refusal),
-    /// Nobody who is trusted signed it as it is.
+    /// Altered or signed by an untrusted key.
     Forged(Refusal),
-    /// Not what was signed, under the name of something that was decided upon: an answer would
-    /// speak of that.
+    /// Altered, under the name of a decided document, which an acknowledgement would then name.
     Mistaken(String),
 }
 
-/// A refusal with what it is about.
+/// A refusal with its subject.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Refusal {
     pub generation: Generation,
@@ -57,8 +56,8 @@ pub(super) struct Refusal {
     pub reason: String,
 }
 
-/// Judges what came: signature first, then robot, generation, whether the service wants it now, what
-/// it was compared with, values. `answers` is the question that it came for.
+/// Judges a received document: signature first, then robot, generation, offer, base generation,
+/// values. `answers` is the question that it answers.
 pub(super) fn judge(
     identity: &Identity,
     memory: &Memory,
@@ -124,11 +123,11 @@ pub(super) fn judge(
     }
 }
 
-/// How long from now the service wants this document, by its signed word in answer to `question`;
-/// why it is not believed to.
+/// Returns the time for which the service offers this document, by its signed offer in answer to
+/// `question`; or the reason for rejecting the offer.
 ///
-/// The question makes the robot's clock needless: the word was given after the robot asked. So its
-/// end counts from now, on a clock that may be wrong by any time and only has to go on.
+/// The question makes the robot's clock irrelevant: the offer was made after the robot's query. So
+/// its end counts from now, on a clock that may be wrong by any time and only has to advance.
 fn wanted_for(
     identity: &Identity,
     offered: &Offered,
@@ -201,7 +200,8 @@ fn is_on_a_vehicle(pose: &Pose2) -> bool {
     metres.contains(&pose.x_m) && metres.contains(&pose.y_m) && (-TAU..=TAU).contains(&pose.yaw_rad)
 }
 
-/// The generation that both sides know to be in use: an unconfirmed one may be news to the service.
+/// Returns the generation that both sides know to be in use: the service may not know of an
+/// unconfirmed one.
 fn confirmed_generation(memory: &Memory) -> Generation {
     match &memory.phase {
         Phase::Resting(Rest::Unconfirmed(trial)) => trial.fallback.held.generation,
@@ -221,7 +221,7 @@ fn is_known(memory: &Memory, generation: Option<Generation>, sha256: &str) -> bo
             .is_some_and(|latest| same(latest.generation, &latest.sha256))
 }
 
-/// The generation an unopened document says it has, to name it in the refusal; 0 when it says none.
+/// Returns the generation in an unopened document, to name it in the refusal; 0 without one.
 fn claimed_generation(document: &str) -> Generation {
     Generation(
         serde_json::from_str::<serde_json::Value>(document)

@@ -15,34 +15,34 @@ use super::outputs::Outputs;
 use crate::connection::Connection;
 use crate::session_error::SessionError;
 
-/// Whose agent it is, and what it works on.
+/// Options of an agent.
 #[derive(Debug, Clone)]
 pub struct AgentOptions {
-    /// Whose agent it is.
+    /// Id of the robot.
     pub robot: RobotId,
-    /// Where the service is.
+    /// Connection to the service.
     pub connect: Connection,
     /// The keys under the configured root.
     pub keys: Keys,
-    /// The file to bring values into use by: YAML or JSON by its ending. The agent's memory stands
-    /// beside it.
+    /// File by which values come into use: YAML or JSON by its suffix. The agent's memory is beside
+    /// it.
     pub apply: PathBuf,
-    /// Files that are written besides, for ROS.
+    /// Additional files, for ROS.
     pub outputs: Outputs,
-    /// Whose signatures count.
+    /// Keys whose signatures are trusted.
     pub trusted: TrustedKeys,
-    /// What the robot believes.
+    /// Limits of the robot.
     pub limits: Limits,
-    /// A program that is asked before values are written, and told when they were and when they
-    /// went.
+    /// A program that is queried before values are written, and notified when they are written or
+    /// withdrawn.
     pub hook: Option<Hook>,
-    /// Whether to hold the robot's liveliness token, which its streams hold otherwise.
+    /// True if the agent holds the robot's liveliness token, which its streams hold otherwise.
     pub holds_alive_token: bool,
     /// The robot's time now, ns since 1970.
     pub start_ns: RobotTime,
 }
 
-/// Why an agent ended before it was told to.
+/// Reason for which an agent ended by itself.
 #[derive(Debug, Error)]
 pub enum AgentError {
     /// Its file or its memory cannot be used.
@@ -51,14 +51,14 @@ pub enum AgentError {
     /// Zenoh refused.
     #[error(transparent)]
     Session(#[from] SessionError),
-    /// The agent is at odds with itself.
+    /// The agent reached an impossible state.
     #[error(transparent)]
     Transition(#[from] TransitionRefused),
 }
 
 impl AgentError {
-    /// The command's exit status: 2 for what the caller can mend, 70 for a fault of the agent, 74
-    /// for files and the connection.
+    /// Returns the command's exit status: 2 for errors that the caller can correct, 70 for a fault
+    /// of the agent, 74 for files and the connection.
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::File(FileError::Io { .. } | FileError::Values { .. }) => 74,

@@ -11,16 +11,16 @@ use fleetcal_proto::calibration::CalibrationValues;
 
 use super::file::{self, FileError};
 
-/// What stands in every file that the agent may replace.
+/// Comment in every file that the agent may replace.
 const MARK: &str = "Written by fleetcal agent, which replaces it";
 
-/// Frames of the vehicle, as its ROS software knows them.
+/// Frames of the vehicle in its ROS software.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VehicleFrames {
-    /// The rear axle in the vehicle's base frame, whatever documents say; `None`: as they say, and
-    /// the same place when they say nothing.
+    /// Pose of the rear axle in the vehicle's base frame, overriding documents; `None` uses that of
+    /// the document, else the same place.
     pub rear_axle_in_base_link: Option<Pose2>,
-    /// Height of the LiDAR over the base frame, m, which no estimate tells.
+    /// Height of the LiDAR over the base frame, m, which is not estimated.
     pub lidar_z_m: f64,
     /// Name of the base frame.
     pub base_link: String,
@@ -39,7 +39,7 @@ impl Default for VehicleFrames {
     }
 }
 
-/// What a file is for.
+/// Kind of an additional file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutputKind {
     /// A xacro file whose macro `fleetcal_lidar_origin` is the `<origin>` of the LiDAR's joint.
@@ -50,18 +50,18 @@ pub enum OutputKind {
     RosParameters,
 }
 
-/// The files that are written besides.
+/// Additional files to write.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outputs {
-    /// Which, and what each is for.
+    /// Kind and path of each file.
     pub files: Vec<(OutputKind, PathBuf)>,
     /// The vehicle's frames.
     pub frames: VehicleFrames,
 }
 
 impl Outputs {
-    /// Refuses to begin where two files are one, `own` ones of the agent included, and where one is
-    /// somebody else's.
+    /// Refuses to begin if two files are the same, including the agent's `own`, or if one belongs
+    /// to another program.
     pub(super) fn check(&self, own: &[PathBuf]) -> Result<(), FileError> {
         let mut taken: Vec<PathBuf> = own.iter().map(|path| file::resolved(path)).collect();
         for (_, path) in &self.files {
@@ -80,8 +80,8 @@ impl Outputs {
         Ok(())
     }
 
-    /// Makes all files say these values, which came with this pose of the rear axle; `None`: takes
-    /// them away.
+    /// Writes these values, which came with this pose of the rear axle, to all files; `None`
+    /// removes the files.
     pub(super) fn write(
         &self,
         values: Option<&CalibrationValues>,
@@ -149,7 +149,7 @@ impl Outputs {
     }
 }
 
-/// Each number has a decimal point: without one ROS takes it for a whole number.
+/// Formats parameters. Each number has a decimal point: without one ROS takes it for an integer.
 fn ros_parameters(values: &CalibrationValues, lidar: Pose2) -> String {
     let mut text = format!("# {MARK}.\n/**:\n  ros__parameters:\n    fleetcal:\n");
     let in_base_link = [
@@ -190,7 +190,7 @@ mod tests {
         }
     }
 
-    /// A base frame that is turned to the left: its x is the axle's y.
+    /// Makes outputs with a base frame that is turned to the left: its x is the axle's y.
     fn outputs(folder: &Path) -> Outputs {
         let kinds = [
             (OutputKind::UrdfOrigin, "lidar.xacro"),

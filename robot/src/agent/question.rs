@@ -18,30 +18,30 @@ use super::event::Event;
 use crate::session::at_key;
 use crate::session_error::SessionError;
 
-/// How long an agent waits for an answer.
+/// Longest wait of an agent for an answer.
 const PULL_TIMEOUT: Duration = Duration::from_secs(5);
-/// How long it waits for what other instances say once one has answered.
+/// Wait for other instances once one has answered.
 const OTHERS_WITHIN: Duration = Duration::from_millis(500);
-/// Answers that wait to be compared.
+/// Answers that wait for comparison.
 const ANSWERS_MAX: usize = 16;
 
-/// What an instance said, or why that cannot be read.
+/// Answer of an instance, or the reason why it cannot be read.
 pub(super) type Answer = Result<Event, String>;
 
-/// Where answers go.
+/// Sender of queries.
 #[derive(Debug, Clone)]
 pub(super) struct Asker {
     /// The session.
     pub session: Session,
-    /// The agent.
+    /// Channel to the agent.
     pub sender: mpsc::Sender<Event>,
-    /// Whose signatures count: what somebody else signed is newer than nothing.
+    /// Keys whose signatures are trusted: answers of other signers rank lowest.
     pub trusted: Option<TrustedKeys>,
 }
 
 impl Asker {
-    /// Asks all instances; the newest answer arrives as an event. A question with a number is
-    /// answered with that number, signed.
+    /// Queries all instances; the newest answer arrives as an event. A query with a number gets an
+    /// answer with that number, signed.
     pub async fn ask(
         &self,
         key: &str,
@@ -73,8 +73,8 @@ impl Asker {
     }
 }
 
-/// Hands on the newest of what comes until all have answered or the others have had their time, and
-/// what is newer still later.
+/// Passes on the newest answer once all have answered or the others' time is over, and any newer
+/// one later.
 async fn hand_on_newest(
     mut answers: mpsc::Receiver<Answer>,
     sender: &mpsc::Sender<Event>,
@@ -105,11 +105,11 @@ async fn hand_on_newest(
     }
 }
 
-/// How much an answer counts: first whether the service says that it wants the document now, which
-/// an instance of before does not, then how new it is.
+/// Rank of an answer: first whether the service offers the document now, which older instances do
+/// not, then its generation.
 type Rank = (bool, Generation);
 
-/// `None` of what cannot be believed.
+/// Ranks an answer; `None` for one that cannot be trusted.
 fn rank(answer: &Answer, trusted: Option<&TrustedKeys>) -> Option<Rank> {
     match answer.as_ref().ok()? {
         Event::Offered { offered, answers } => {
@@ -123,7 +123,7 @@ fn rank(answer: &Answer, trusted: Option<&TrustedKeys>) -> Option<Rank> {
     }
 }
 
-/// Zenoh's threads must never wait.
+/// Passes on an answer without waiting, as Zenoh's threads must not wait.
 pub(super) fn hand_on(sender: &mpsc::Sender<Event>, read: Answer) {
     match read {
         Ok(event) => {

@@ -24,19 +24,19 @@ use super::state::{Held, Memory, Phase};
 use crate::session::{ClientConfig, at_key, close};
 use crate::session_error::SessionError;
 
-/// How often deadlines are looked at.
+/// Interval at which deadlines are checked.
 const TICK: Duration = Duration::from_millis(200);
-/// How often the service is asked, besides when one comes up.
+/// Interval at which the service is queried, besides when one appears.
 pub(crate) const PULL_PERIOD: Duration = Duration::from_mins(1);
 
 /// Runs a robot's agent until `shutdown` is cancelled, through lost links and without any: a
-/// deadline passes while nobody can be reached, too. Needs a tokio runtime with more than one
-/// thread, as Zenoh does.
+/// deadline also passes while the service cannot be reached. Needs a tokio runtime with more than
+/// one thread, as Zenoh does.
 ///
 /// Returns the generation that the robot holds; 0 for none.
 ///
 /// # Errors
-/// When the file, its folder or the agent's memory cannot be used, or an endpoint cannot be.
+/// The file, its folder or the agent's memory cannot be used, or an endpoint cannot be.
 pub async fn run_agent(
     options: AgentOptions,
     shutdown: CancellationToken,
@@ -53,12 +53,12 @@ pub async fn run_agent(
     ended.map(|()| runner.agent.memory().held.generation)
 }
 
-/// A session that stands, with what is declared in it.
+/// An open session, with its declarations.
 #[derive(Debug)]
 struct Connected {
     session: zenoh::Session,
     link: CalibrationLink,
-    /// Held for what it does while it lives.
+    /// Token, present while it lives.
     _token: Option<LivelinessToken>,
 }
 
@@ -89,25 +89,25 @@ async fn connect(options: AgentOptions, client: ClientConfig, stop: Cancellation
     Ok(Some((connected, incoming)))
 }
 
-/// Performs effects, in the order in which they come.
+/// Performer of effects, in their order.
 struct Runner {
     options: AgentOptions,
     agent: Agent,
     file: AppliedFile,
-    /// What stands in the memory's file.
+    /// Content of the memory's file.
     remembered: Option<Memory>,
     started: Instant,
     connected: Option<Connected>,
-    /// The hook at work: the agent waits for its answer before it calls it again.
+    /// The running hook: the agent waits for its result before it calls it again.
     hook: JoinSet<HookEnd>,
     logged: Option<Applied>,
 }
 
-/// What the hook was called for, and what it said.
+/// Purpose of the hook's call, and its result.
 type HookEnd = (Call, Said);
 
 impl Runner {
-    /// Takes the file and what is remembered beside it.
+    /// Opens the file and the memory beside it.
     fn start(options: AgentOptions) -> Result<Self, AgentError> {
         let file = AppliedFile::open(&options.apply)?;
         options.outputs.check(&file.own())?;
@@ -135,7 +135,8 @@ impl Runner {
         })
     }
 
-    /// Wall time at the start and what has passed since: a clock that is set moves no deadline.
+    /// Returns the wall time at the start plus the elapsed time: a clock that is set moves no
+    /// deadline.
     fn now(&self) -> RobotTime {
         self.options.start_ns.plus(self.started.elapsed())
     }
@@ -182,7 +183,7 @@ impl Runner {
         }
     }
 
-    /// Whether the file says what was about to be written when the process ended.
+    /// True if the file holds the values that were about to be written when the process ended.
     fn is_written(&self) -> Result<bool, AgentError> {
         let (Phase::Writing { offer, .. } | Phase::Activating { offer, .. }) =
             &self.agent.memory().phase
@@ -193,7 +194,7 @@ impl Runner {
         Ok(self.file.read()?.as_deref() == Some(text.as_str()))
     }
 
-    /// Hands an event to the agent and performs what follows from it.
+    /// Passes an event to the agent and performs its effects.
     async fn take(&mut self, event: Event) -> Result<(), AgentError> {
         let mut events = VecDeque::from([event]);
         while let Some(event) = events.pop_front() {
@@ -206,8 +207,8 @@ impl Runner {
         Ok(())
     }
 
-    /// Writes the memory down when it has changed. What could not be written is tried again with
-    /// the next event; until then no values are.
+    /// Stores the memory if it has changed. A failed write is repeated with the next event; until
+    /// then no values are written.
     fn remember(&mut self) -> bool {
         let memory = self.agent.memory();
         if self.remembered.as_ref() == Some(memory) {
@@ -267,7 +268,7 @@ impl Runner {
         written.map_err(|error| error.to_string())
     }
 
-    /// Makes the files for ROS say what the applied one says.
+    /// Writes the content of the applied file to the files for ROS.
     fn write_outputs(&self) -> Result<(), FileError> {
         if self.options.outputs.files.is_empty() {
             return Ok(());
@@ -278,7 +279,7 @@ impl Runner {
         self.options.outputs.write(values.as_ref(), rear_axle)
     }
 
-    /// Calls the hook, whose answer comes as an event. A robot without one says yes to everything.
+    /// Calls the hook, whose result comes as an event. A robot without a hook accepts everything.
     fn call_hook(&mut self, call: Call, generation: Generation, document: String) -> Option<Event> {
         let Some(hook) = self.options.hook.clone() else {
             return Some(self.answered(call, Said::Yes));
@@ -333,7 +334,7 @@ impl Runner {
         }
     }
 
-    /// Nothing is in the way but what the file says now.
+    /// Returns the go-ahead with the present content of the file.
     fn go(&self) -> HookAnswer {
         match self.file.read() {
             Ok(before) => HookAnswer::Go { before },
@@ -359,7 +360,7 @@ impl Runner {
     }
 }
 
-/// What an agent remembers that starts for the first time: what its robot was tuned to by hand.
+/// Makes the memory of an agent's first start, with the values that the robot was tuned to by hand.
 fn first_memory(robot: &RobotId, file: &AppliedFile, now: RobotTime) -> Result<Memory, AgentError> {
     let text = file.read()?;
     let values = text.as_deref().and_then(|text| file.values_in(text));
@@ -378,7 +379,8 @@ async fn next(incoming: Option<&mut mpsc::Receiver<Event>>) -> Option<Event> {
     }
 }
 
-/// What is not sent now is sent again until it is confirmed, and asked again with the next pull.
+/// Logs a failed message, which is repeated until it is confirmed, or queried again with the next
+/// pull.
 fn complain(sent: Result<(), SessionError>) {
     if let Err(error) = sent {
         debug!(%error, "not sent");

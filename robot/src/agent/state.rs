@@ -5,24 +5,24 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use serde::{Deserialize, Serialize};
 
-/// What the robot compensates with.
+/// Calibration that the robot compensates with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Held {
-    /// Generation of the document; 0 for its factory calibration.
+    /// Generation of the document; 0 for the factory calibration.
     pub generation: Generation,
-    /// SHA-256 of the document; empty for its factory calibration.
+    /// SHA-256 of the document; empty for the factory calibration.
     pub sha256: String,
-    /// Since when, ns since 1970 by the robot's clock.
+    /// Start of its use, ns since 1970 by the robot's clock.
     pub applied_at_ns: RobotTime,
-    /// The values; `None` when the robot brought none along that could be read.
+    /// The values; `None` if the robot's own file could not be read.
     pub values: Option<CalibrationValues>,
-    /// Where the document has the rear axle in `base_link`, if it says so.
+    /// Pose of the rear axle in `base_link` in the document, if present.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rear_axle_in_base_link: Option<Pose2>,
 }
 
 impl Held {
-    /// What a robot has that never heard of a service.
+    /// Makes the state of a robot that never had a service.
     pub fn factory(values: Option<CalibrationValues>, now: RobotTime) -> Self {
         Self {
             generation: Generation::FACTORY,
@@ -33,12 +33,12 @@ impl Held {
         }
     }
 
-    /// Whether it is this document.
+    /// True if it is this document.
     pub fn is(&self, generation: Generation, sha256: &str) -> bool {
         self.generation == generation && self.sha256 == sha256
     }
 
-    /// Its acknowledgement; `None` when there is nothing to say.
+    /// Returns its acknowledgement; `None` if there is nothing to acknowledge.
     pub fn acknowledgement(&self) -> Option<Applied> {
         if self.generation.is_factory() && self.values.is_none() {
             return None;
@@ -54,12 +54,12 @@ impl Held {
     }
 }
 
-/// Where a robot goes back to when nobody confirms.
+/// State that a robot returns to without a confirmation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Fallback {
-    /// What it held then.
+    /// Calibration that it held then.
     pub held: Held,
-    /// What its file said then, byte for byte; `None` when there was none.
+    /// Content of its file then, byte for byte; `None` without a file.
     pub file: Option<String>,
 }
 
@@ -70,37 +70,37 @@ pub struct Offer {
     pub generation: Generation,
     /// Its SHA-256.
     pub sha256: String,
-    /// When it may no longer come into use, ns since 1970 by the robot's clock. It came later: what an
-    /// agent of before remembers is asked for again.
+    /// End of the offer, ns since 1970 by the robot's clock. It was added later: a document in an
+    /// older agent's memory is queried again.
     #[serde(default)]
     pub ends_ns: RobotTime,
-    /// How long the robot waits for its confirmation, s.
+    /// Time within which the robot needs a confirmation, s.
     pub confirm_within_s: u32,
-    /// What to compensate with.
+    /// Values to compensate with.
     pub values: CalibrationValues,
-    /// Where the document has the rear axle in `base_link`, if it says so.
+    /// Pose of the rear axle in `base_link` in the document, if present.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rear_axle_in_base_link: Option<Pose2>,
     /// Its exact text, for the hook.
     pub document: String,
 }
 
-/// Values that are in use and may yet have to go.
+/// Values that are in use and unconfirmed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
-    /// When the robot goes back by itself, ns since 1970.
+    /// Deadline at which the robot reverts by itself, ns since 1970.
     pub until_ns: RobotTime,
-    /// What the deadline was made from, s.
+    /// Time that the deadline was made from, s.
     pub confirm_within_s: u32,
-    /// Whether a restart has put the deadline off already.
+    /// True if a restart has extended the deadline already.
     pub put_off: bool,
     /// The document's text, for the hook.
     pub document: String,
-    /// Where to go back to: what was confirmed last.
+    /// State to return to, which was confirmed last.
     pub fallback: Fallback,
 }
 
-/// How firmly the robot holds what it holds.
+/// Commitment of the robot to its present calibration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[expect(
@@ -108,84 +108,84 @@ pub struct Trial {
     reason = "an agent has one, which is seldom moved"
 )]
 pub enum Rest {
-    /// For good.
+    /// Settled.
     Settled,
-    /// Until the deadline, unless it is confirmed.
+    /// Unconfirmed: it lasts until the deadline, unless it is confirmed.
     Unconfirmed(Trial),
 }
 
-/// How a way back ends.
+/// Conclusion of a reversion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ending {
-    /// Generation of the document that goes.
+    /// Generation of the withdrawn document.
     pub generation: Generation,
     /// Its SHA-256.
     pub sha256: String,
-    /// What the service is told.
+    /// Report to the service.
     pub outcome: Outcome,
     /// The document's text, for the hook.
     pub document: String,
 }
 
-/// What becomes of a document whose values go.
+/// Outcome of a document whose values are withdrawn.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// It was decided upon.
+    /// Decided.
     Answered {
         /// `Reverted`, or `Failed` when it never came into use.
         status: AppliedStatus,
-        /// Why, for people.
+        /// Reason, for people.
         reason: String,
     },
-    /// The robot is busy: it is asked again later, and the service is told nothing.
+    /// The robot is busy: it is queried again later, and the service receives no report.
     Later,
 }
 
-/// What the agent is about.
+/// Activity of the agent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
-    /// Nothing.
+    /// Idle.
     Resting(Rest),
-    /// The hook was asked whether a document may be applied.
+    /// The hook is being queried whether a document may be applied.
     Asking {
         /// The document.
         offer: Offer,
-        /// What stands meanwhile.
+        /// Present commitment.
         rest: Rest,
     },
     /// The values are being written.
     Writing {
         /// The document.
         offer: Offer,
-        /// What stood before.
+        /// Former commitment.
         rest: Rest,
-        /// What the file said before.
+        /// Former content of the file.
         before: Option<String>,
     },
-    /// The values are written, and the hook is told.
+    /// The values are written, and the hook is being notified.
     Activating {
         /// The document.
         offer: Offer,
-        /// What stood before.
+        /// Former commitment.
         rest: Rest,
-        /// What the file said before.
+        /// Former content of the file.
         before: Option<String>,
     },
-    /// The former values are being written back, and the hook is told.
+    /// The former values are being written back, and the hook is being notified.
     Restoring {
-        /// Which.
+        /// State to restore.
         fallback: Fallback,
-        /// How firmly they stand then.
+        /// Commitment to them afterwards.
         rest: Rest,
-        /// What is said when they stand.
+        /// Conclusion once they are restored.
         ending: Ending,
     },
 }
 
 impl Phase {
-    /// How firmly stands what the robot holds, now or when this is over.
+    /// Returns the commitment to the held calibration, now or when this phase is over.
     pub(super) fn rest_mut(&mut self) -> &mut Rest {
         match self {
             Self::Resting(rest)
@@ -196,7 +196,7 @@ impl Phase {
         }
     }
 
-    /// Its name, for people.
+    /// Returns its name, for people.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Resting(Rest::Settled) => "settled",
@@ -209,39 +209,39 @@ impl Phase {
     }
 }
 
-/// The form of a written memory.
+/// Schema of a stored memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum MemorySchema {
-    /// The first.
+    /// The first version.
     #[default]
     #[serde(rename = "fleetcal.agent/1")]
     V1,
 }
 
-/// All that an agent remembers.
+/// Memory of an agent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Memory {
-    /// Its form.
+    /// Schema of the memory.
     pub schema: MemorySchema,
-    /// Whose it is.
+    /// Id of the robot.
     pub robot: RobotId,
-    /// What the robot holds.
+    /// Calibration that the robot holds.
     pub held: Held,
-    /// What it is about.
+    /// Activity of the agent.
     pub phase: Phase,
-    /// Highest generation that was decided upon, whatever became of it: what comes later must be
-    /// higher, or a withdrawn document could be played again.
+    /// Highest generation that was decided, whatever its outcome: later ones must be higher, or a
+    /// withdrawn document could be replayed.
     pub highest: Generation,
-    /// What was answered last on a signed document.
+    /// Last acknowledgement of a signed document.
     pub latest: Option<Applied>,
-    /// Answers that nobody has confirmed yet, oldest first.
+    /// Unconfirmed acknowledgements, oldest first.
     pub unstored: Vec<Applied>,
 }
 
 impl Memory {
-    /// Where the rear axle is in `base_link`, by the document whose values are in use or about to
-    /// be.
+    /// Returns the pose of the rear axle in `base_link`, by the document whose values are in use or
+    /// about to be.
     pub(super) fn rear_axle_in_base_link(&self) -> Option<Pose2> {
         match &self.phase {
             Phase::Writing { offer, .. } | Phase::Activating { offer, .. } => {
@@ -252,7 +252,7 @@ impl Memory {
         }
     }
 
-    /// That of an agent which starts for the first time.
+    /// Makes the memory of an agent's first start.
     pub fn new(robot: RobotId, held: Held) -> Self {
         Self {
             schema: MemorySchema::V1,

@@ -8,11 +8,11 @@ use fleetcal_proto::signing::TrustedKeys;
 use crate::agent::{Agent, Held, Identity, Limits, Memory};
 use crate::simulator::{Applied, Pose2};
 
-/// Farthest that a LiDAR can sit from where the drawing has it, m and rad.
+/// Largest distance of a LiDAR from its drawing, m and rad.
 const MOUNT_POSITION_MAX_M: f64 = 0.5;
 const MOUNT_YAW_MAX_RAD: f64 = 0.5;
 
-/// The agent of a robot that drives with what its drawing says.
+/// Makes the agent of a robot that drives with its drawing.
 pub(super) fn agent(
     robot: RobotId,
     trusted: TrustedKeys,
@@ -32,7 +32,7 @@ pub(super) fn agent(
     Agent::new(identity, memory)
 }
 
-/// What the simulation drives with: a simulated robot corrects nothing else.
+/// Selects the values that the simulation drives with: a simulated robot corrects nothing else.
 pub(super) fn applied_of(values: &CalibrationValues) -> Applied {
     Applied {
         steering_offset_rad: values.steering_offset_rad,

@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use crate::simulator::{DriveSample, LidarPose, Pose2, Scan, Truth};
 
-/// A stamp that a ROS message cannot carry.
+/// Error of a stamp that a ROS message cannot represent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("header.stamp: got {stamp_ns} ns, expected 68 years around 1970")]
 pub struct StampRefused {
@@ -24,7 +24,7 @@ fn header(stamp_ns: i64, frame_id: &str) -> Result<Header, StampRefused> {
     })
 }
 
-/// A drive sample as `ackermann_msgs/msg/AckermannDriveStamped`.
+/// Converts a drive sample to `ackermann_msgs/msg/AckermannDriveStamped`.
 ///
 /// # Errors
 /// When its stamp does not fit.
@@ -39,7 +39,7 @@ pub fn drive_message(drive: &DriveSample) -> Result<AckermannDriveStamped, Stamp
     })
 }
 
-/// A scan as `sensor_msgs/msg/LaserScan`.
+/// Converts a scan to `sensor_msgs/msg/LaserScan`.
 ///
 /// # Errors
 /// When its stamp does not fit.
@@ -59,7 +59,7 @@ pub fn scan_message(scan: Scan) -> Result<LaserScan, StampRefused> {
     })
 }
 
-/// The true pose of `base` in the world as `geometry_msgs/msg/PoseStamped`.
+/// Converts the true pose of `base` in the world to `geometry_msgs/msg/PoseStamped`.
 ///
 /// # Errors
 /// When its stamp does not fit.
@@ -81,7 +81,7 @@ fn ros_pose(pose: &Pose2) -> Pose {
     }
 }
 
-/// A LiDAR pose as `nav_msgs/msg/Odometry`.
+/// Converts a LiDAR pose to `nav_msgs/msg/Odometry`.
 ///
 /// # Errors
 /// When its stamp does not fit.

@@ -13,6 +13,7 @@ mod task;
 #[cfg(test)]
 mod tests;
 
+use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use fleetcal_model::Generation;
@@ -27,34 +28,37 @@ pub use crate::session_error::SessionError;
 pub use message::{StampRefused, drive_message, lidar_pose_message, scan_message, truth_message};
 pub use record::{
     RECORD_DURATION_MAX_S, RecordError, RecordedTruth, RecordedVehicle, TrueSegment, record,
-    truth_path,
+    record_wrong, truth_path,
 };
-pub use robots::{ROBOTS_MAX, SimulatedRobot, TooManyRobots, simulated_robots};
+pub use robots::{ROBOTS_MAX, START_STAMP_S, SimulatedRobot, TooManyRobots, simulated_robots};
 
 use crate::agent::TransitionRefused;
 use crate::connection::Connection;
 use crate::session::ClientConfig;
 use crate::simulator::SettingRefused;
 
-/// A fleet to run.
+/// Options of a simulated fleet.
 #[derive(Debug, Clone)]
 pub struct FleetOptions {
     /// The robots, from [`simulated_robots`].
     pub robots: Vec<SimulatedRobot>,
-    /// Where the service is; each robot has a session of its own.
+    /// Connection to the service; each robot has a session of its own.
     pub connect: Connection,
-    /// The keys they use.
+    /// Keys that they use.
     pub keys: Keys,
-    /// Whose signatures they trust; with `None` they take no calibration and answer none.
+    /// Keys whose signatures they trust; with `None` they neither accept nor acknowledge
+    /// calibrations.
     pub trusted: Option<TrustedKeys>,
-    /// Wall time now, ns since 1970: what the messages' stamps begin with.
+    /// Wall time now, ns since 1970: start of the messages' stamps.
     pub start_stamp_ns: i64,
+    /// Seconds that pass for the robots in one of real time, from 1 on.
+    pub rate: NonZeroU32,
 }
 
-/// What a robot sent.
+/// Summary of one robot's messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RobotSummary {
-    /// Whose summary it is.
+    /// Id of the robot.
     pub id: RobotId,
     /// Drive samples sent.
     pub drive_samples: u64,
@@ -66,7 +70,7 @@ pub struct RobotSummary {
     pub generation: Generation,
 }
 
-/// Why a fleet ended before it was told to.
+/// Reason for which a fleet ended by itself.
 #[derive(Debug, Error)]
 pub enum FleetError {
     /// A robot's configuration cannot be simulated.
@@ -81,7 +85,7 @@ pub enum FleetError {
     /// Zenoh refused.
     #[error(transparent)]
     Session(#[from] SessionError),
-    /// The simulated time left what a ROS stamp can say.
+    /// The simulated time left the range of ROS stamps.
     #[error("robot {robot}: {reason}")]
     RobotTime {
         /// The robot.
@@ -90,7 +94,7 @@ pub enum FleetError {
         #[source]
         reason: StampRefused,
     },
-    /// A robot's agent is at odds with itself.
+    /// A robot's agent reached an impossible state.
     #[error(transparent)]
     Agent(#[from] TransitionRefused),
     /// A robot's task panicked.
@@ -98,10 +102,10 @@ pub enum FleetError {
     Task(#[from] tokio::task::JoinError),
 }
 
-/// Runs a fleet until `shutdown` is cancelled. A robot that finds nobody to connect to keeps trying.
+/// Runs a fleet until `shutdown` is cancelled. A robot that cannot connect keeps trying.
 ///
 /// # Errors
-/// When an endpoint or a robot's configuration cannot be used. The first robot that fails stops the
+/// An endpoint or a robot's configuration cannot be used. The first robot that fails stops the
 /// fleet.
 pub async fn run_fleet(
     options: FleetOptions,
@@ -110,6 +114,7 @@ pub async fn run_fleet(
     let epoch = task::Epoch {
         instant: Instant::now(),
         stamp_ns: options.start_stamp_ns,
+        rate: options.rate,
     };
     let client = Arc::new(ClientConfig::new(&options.connect)?);
     let stop = shutdown.child_token();

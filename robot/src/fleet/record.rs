@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
+use fleetcal_proto::ros::PoseStamped;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -14,40 +15,40 @@ use super::message::{StampRefused, drive_message, scan_message, truth_message};
 use super::robots::SimulatedRobot;
 use crate::recording::{RecordingError, RecordingWriter};
 use crate::simulator::{
-    Emitted, Imperfections, SettingRefused, SimulatedMessage, Simulation, TrueParameters,
-    VehicleModel,
+    Delivered, Imperfections, SettingRefused, SimulatedMessage, Simulation, TrueParameters,
+    VehicleModel, WrongInput, WrongInputs,
 };
 
 /// Longest recording, s: a day.
 pub const RECORD_DURATION_MAX_S: f64 = 86_400.0;
 
-/// Why a recording was not made.
+/// Reason for which a recording was not made.
 #[derive(Debug, Error)]
 pub enum RecordError {
-    /// Longer or shorter than a recording can be.
+    /// The duration is not that of a recording.
     #[error("duration: got {0} s, expected more than 0 and at most {RECORD_DURATION_MAX_S} s")]
     Duration(f64),
     /// The robot's configuration cannot be simulated.
     #[error(transparent)]
     Setting(#[from] SettingRefused),
-    /// The simulated time left what a ROS stamp can say.
+    /// The simulated time left the range of ROS stamps.
     #[error(transparent)]
     RobotTime(#[from] StampRefused),
     /// The recording could not be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// The truth beside it could not be written.
+    /// The truth file beside it could not be written.
     #[error("{}: {source}", path.display())]
     Truth {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         #[source]
         source: io::Error,
     },
 }
 
-/// What stands in `OUT.truth.json`: the names of `fleetcal calibrate --json`.
+/// Content of `OUT.truth.json`, with the names of `fleetcal calibrate --json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedTruth {
     /// The robot.
@@ -62,15 +63,18 @@ pub struct RecordedTruth {
     pub parameters: CalibrationValues,
     /// The true values from each change to the next.
     pub segments: Vec<TrueSegment>,
-    /// What the model of a robot does not know of this one; left out when there is nothing.
+    /// Imperfections that the model of a robot does not cover; left out if there are none.
     #[serde(default, skip_serializing_if = "Imperfections::is_none")]
     pub imperfections: Imperfections,
+    /// Names of what is wrong with the messages; left out when nothing is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub wrong: Vec<String>,
 }
 
 /// A vehicle as it is registered.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RecordedVehicle {
-    /// How it steers.
+    /// Steering geometry.
     pub model: VehicleModel,
     /// Distance between the axles, m.
     pub wheelbase_m: f64,
@@ -79,15 +83,15 @@ pub struct RecordedVehicle {
 /// The true values over a stretch.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TrueSegment {
-    /// When they begin to hold, s from the start.
+    /// Start of the stretch, s from the start of the recording.
     pub from_s: f64,
-    /// When they cease to, s from the start.
+    /// End of the stretch, s from the start of the recording.
     pub to_s: f64,
     /// The values at the stretch's end.
     pub parameters: CalibrationValues,
 }
 
-/// Where the truth of a recording is written: `OUT.truth.json` beside `OUT.mcap`.
+/// Returns the path of a recording's truth: `OUT.truth.json` beside `OUT.mcap`.
 pub fn truth_path(recording: &Path) -> PathBuf {
     recording.with_extension("truth.json")
 }
@@ -97,16 +101,37 @@ pub fn truth_path(recording: &Path) -> PathBuf {
 /// robot gives the same bytes.
 ///
 /// # Errors
-/// When the duration or the robot's configuration cannot be, or a file cannot be written.
+/// The duration or the robot's configuration is impossible, or a file cannot be written.
 pub fn record(
     robot: &SimulatedRobot,
     duration_s: f64,
     path: &Path,
 ) -> Result<RecordedTruth, RecordError> {
+    record_wrong(robot, duration_s, path, &[])
+}
+
+/// The same with wrong inputs: the robot is right, what is recorded of it is not. Messages are logged
+/// when they arrive.
+///
+/// # Errors
+/// When the duration or the robot's configuration cannot be, or a file cannot be written.
+pub fn record_wrong(
+    robot: &SimulatedRobot,
+    duration_s: f64,
+    path: &Path,
+    inputs: &[WrongInput],
+) -> Result<RecordedTruth, RecordError> {
     if !(duration_s > 0.0 && duration_s <= RECORD_DURATION_MAX_S) {
         return Err(RecordError::Duration(duration_s));
     }
-    let mut simulation = Simulation::new(robot.config.clone())?;
+    let (mut model, mut wheelbase_m) = (robot.model(), robot.wheelbase_m());
+    let mut config = robot.config.clone();
+    for input in inputs {
+        input.configure(&mut config);
+        (model, wheelbase_m) = input.described(model, wheelbase_m);
+    }
+    let mut wrong = WrongInputs::new(inputs, &config)?;
+    let mut simulation = Simulation::new(config)?;
     let mut writer = RecordingWriter::create(path, &robot.id)?;
     let start_ns = robot.config.start_stamp_ns;
     let end_ns = start_ns + (duration_s * 1e9) as i64;
@@ -138,7 +163,10 @@ pub fn record(
             break;
         }
         parameters = values(&simulation.parameters());
-        write(&mut writer, emitted)?;
+        let truth = truth_message(&emitted.truth)?;
+        for delivered in wrong.deliver(emitted) {
+            write(&mut writer, delivered, &truth, inputs.is_empty())?;
+        }
     }
     segments.push(TrueSegment {
         from_s: segment_from_s,
@@ -149,26 +177,41 @@ pub fn record(
     writer.finish()?;
     let truth = RecordedTruth {
         robot: robot.id.clone(),
-        vehicle: RecordedVehicle {
-            model: robot.model(),
-            wheelbase_m: robot.wheelbase_m(),
-        },
+        vehicle: RecordedVehicle { model, wheelbase_m },
         duration_s,
         start_stamp_ns: start_ns,
         parameters,
         segments,
         imperfections: robot.config.imperfections,
+        wrong: inputs.iter().map(|input| input.name().to_owned()).collect(),
     };
     write_truth(&truth_path(path), &truth)?;
     Ok(truth)
 }
 
-fn write(writer: &mut RecordingWriter, emitted: Emitted) -> Result<(), RecordError> {
-    match emitted.message {
-        SimulatedMessage::WheelOdometry(drive) => writer.wheel_odometry(&drive_message(&drive)?)?,
+fn write(
+    writer: &mut RecordingWriter,
+    delivered: Delivered,
+    truth: &PoseStamped,
+    is_right: bool,
+) -> Result<(), RecordError> {
+    let arrival_ns = delivered.arrival_ns;
+    match delivered.message {
+        SimulatedMessage::WheelOdometry(drive) if is_right => {
+            writer.wheel_odometry(&drive_message(&drive)?)?;
+        }
+        SimulatedMessage::WheelOdometry(drive) => {
+            writer.wheel_odometry_at(&drive_message(&drive)?, arrival_ns)?;
+        }
         SimulatedMessage::Scan(scan) => {
-            writer.scan(&scan_message(scan)?)?;
-            writer.truth(&truth_message(&emitted.truth)?)?;
+            let mut message = scan_message(scan)?;
+            delivered.frame.clone_into(&mut message.header.frame_id);
+            if is_right {
+                writer.scan(&message)?;
+            } else {
+                writer.scan_at(&message, arrival_ns)?;
+            }
+            writer.truth(truth)?;
         }
         // A recorder of the robot's own streams: no one publishes these two as ROS messages.
         SimulatedMessage::LidarPose(_) | SimulatedMessage::CrossTrackError(_) => {}
@@ -199,7 +242,7 @@ fn values(parameters: &TrueParameters) -> CalibrationValues {
     }
 }
 
-/// The values by name, for the recording's own metadata.
+/// Returns the values by name, for the recording's own metadata.
 fn texts(values: &CalibrationValues) -> BTreeMap<String, String> {
     let optional = [
         ("speed_scale", values.speed_scale),
@@ -225,7 +268,7 @@ fn texts(values: &CalibrationValues) -> BTreeMap<String, String> {
 #[cfg(test)]
 mod tests {
     use fleetcal_proto::RosMessage;
-    use fleetcal_proto::ros::{LaserScan, PoseStamped};
+    use fleetcal_proto::ros::LaserScan;
 
     use super::super::robots::simulated_robots;
     use super::*;

@@ -17,11 +17,10 @@ use crate::simulator::{
 /// Most robots of one simulated fleet.
 pub const ROBOTS_MAX: usize = 500;
 
-/// Where a robot's message time begins unless it is set, ns since 1970: recordings are the same on
-/// every day.
-const START_STAMP_NS: i64 = 1_760_000_000_000_000_000;
+/// Default start of a robot's message time, s since 1970: recordings are the same on every day.
+pub const START_STAMP_S: i32 = 1_760_000_000;
 
-/// More robots than one process simulates.
+/// Error of more robots than one process simulates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("robots: got {0}, expected at most {ROBOTS_MAX}")]
 pub struct TooManyRobots(pub usize);
@@ -36,28 +35,28 @@ pub struct SimulatedRobot {
 }
 
 impl SimulatedRobot {
-    /// How it steers: what an operator would register.
+    /// Returns its steering geometry as an operator would register it.
     pub fn model(&self) -> VehicleModel {
         self.config.vehicle.model
     }
 
-    /// Its wheelbase as an operator would register it, m.
+    /// Returns its wheelbase as an operator would register it, m.
     pub fn wheelbase_m(&self) -> f64 {
         self.config.configured_wheelbase_m()
     }
 
-    /// Where its LiDAR sits by the drawing: what it believes until a calibration is applied.
+    /// Returns the LiDAR's pose by the drawing, which it uses until a calibration is applied.
     pub fn nominal(&self) -> Pose2 {
         self.config.applied.lidar_in_base
     }
 }
 
-/// A fleet in one warehouse. Each steering zero is off by up to 3°, its LiDAR by up to 4 cm and 2°; every
-/// third robot is a tricycle; the routes have left and right turns. The first robots of a larger
-/// fleet are those of a smaller one.
+/// Makes a fleet in one warehouse. Each steering zero is off by up to 3°, its LiDAR by up to 4 cm
+/// and 2°; every third robot is a tricycle; the routes have left and right turns. The first robots
+/// of a larger fleet are those of a smaller one.
 ///
 /// # Errors
-/// When there are more than [`ROBOTS_MAX`].
+/// There are more than [`ROBOTS_MAX`].
 pub fn simulated_robots(count: usize, seed: u64) -> Result<Vec<SimulatedRobot>, TooManyRobots> {
     if count > ROBOTS_MAX {
         return Err(TooManyRobots(count));
@@ -76,7 +75,7 @@ fn robot(number: usize, seed: u64, world: &Arc<World>) -> Option<SimulatedRobot>
     let nominal = nominal_mount(vehicle.model);
     let config = SimulationConfig {
         seed: random.random(),
-        start_stamp_ns: START_STAMP_NS,
+        start_stamp_ns: i64::from(START_STAMP_S) * 1_000_000_000,
         world: Arc::clone(world),
         people: PeopleSettings {
             count: 3,

@@ -21,12 +21,12 @@ pub(super) struct RobotSession {
     cross_track_error: Publisher<'static>,
     /// Its calibration keys.
     pub calibration: CalibrationLink,
-    /// Held for what it does while it lives.
+    /// Token, present while it lives.
     _token: LivelinessToken,
 }
 
 impl RobotSession {
-    /// Opens the session and declares everything; `None` when told to stop before.
+    /// Opens the session and declares everything; `None` if stopped before.
     pub async fn open(
         config: &ClientConfig,
         keys: &Keys,
@@ -66,7 +66,7 @@ impl RobotSession {
         sent.map_err(at_key(publisher.key_expr().as_str()))
     }
 
-    /// Ends the session; the robot's token goes with it.
+    /// Ends the session, and with it the robot's token.
     pub async fn close(self) {
         close(&self.session).await;
     }

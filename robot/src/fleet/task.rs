@@ -1,6 +1,7 @@
 //! One robot in real time.
 
 use std::collections::VecDeque;
+use std::num::NonZeroU32;
 use std::time::Duration;
 
 use fleetcal_model::{Generation, RobotTime};
@@ -21,11 +22,11 @@ use crate::agent::{Activation, Agent, Effect, Event, HookAnswer, Outcome, PULL_P
 use crate::session::ClientConfig;
 use crate::simulator::{Emitted, SimulatedMessage, Simulation};
 
-/// How often a robot looks for what is due: the wheel odometry's interval.
+/// Interval at which a robot checks for due messages: that of the wheel odometry.
 const TICK: Duration = Duration::from_millis(10);
-/// How often its agent looks at its deadlines.
+/// Interval at which its agent checks its deadlines.
 const AGENT_TICK: Duration = Duration::from_millis(200);
-/// What is later than this is left out: a robot does not replay its past.
+/// Age beyond which messages are left out: a robot does not replay its past.
 const LATE_MAX: Duration = Duration::from_secs(2);
 
 /// Real time and message time of the fleet's start.
@@ -33,15 +34,17 @@ const LATE_MAX: Duration = Duration::from_secs(2);
 pub(super) struct Epoch {
     pub instant: Instant,
     pub stamp_ns: i64,
+    /// Seconds of message time in one of real time.
+    pub rate: NonZeroU32,
 }
 
 impl Epoch {
     fn now(&self) -> RobotTime {
-        RobotTime(self.stamp_ns).plus(self.instant.elapsed())
+        RobotTime(self.stamp_ns).plus(self.instant.elapsed() * self.rate.get())
     }
 }
 
-/// Runs a robot until it is told to stop.
+/// Runs a robot until it is stopped.
 pub(super) async fn run(
     mut robot: SimulatedRobot,
     client: &ClientConfig,
@@ -85,11 +88,11 @@ pub(super) async fn run(
     ended.map(|()| driver.summary)
 }
 
-/// A robot on its way.
+/// A robot in motion.
 struct Driver {
     simulation: Simulation,
     next: Emitted,
-    /// Taken while it is at work; a robot that trusts no key has none.
+    /// Agent, taken out while it is at work; `None` for a robot without trusted keys.
     agent: Option<Agent>,
     session: RobotSession,
     epoch: Epoch,
@@ -127,7 +130,7 @@ impl Driver {
         }
     }
 
-    /// Sends everything that is due by now.
+    /// Sends all messages that are due by now.
     async fn send_due(&mut self) -> Result<(), FleetError> {
         let now_ns = self.epoch.now().0;
         while self.next.sent_ns <= now_ns {
@@ -183,7 +186,7 @@ impl Driver {
         Ok(self.session.send(kind, payload).await?)
     }
 
-    /// Hands an event to the robot's agent and puts into effect what it decides.
+    /// Passes an event to the robot's agent and performs its decisions.
     async fn calibrate(&mut self, event: Event) -> Result<(), FleetError> {
         let Some(mut agent) = self.agent.take() else {
             return Ok(());
@@ -199,8 +202,8 @@ impl Driver {
         Ok(())
     }
 
-    /// A simulated robot applies at once, in motion: it never stands still, and its steering takes a
-    /// new zero from one command to the next.
+    /// Performs an effect. A simulated robot applies at once, in motion: it never stands still, and
+    /// its steering uses a new zero from one command to the next.
     async fn perform(&mut self, effect: Effect) -> Result<Option<Event>, FleetError> {
         let robot = &self.summary.id;
         match effect {

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::net::TcpListener;
+use std::num::NonZeroU32;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -24,7 +25,7 @@ use crate::simulator::{LidarOutput, PoseSettings};
 const START_NS: i64 = 1_760_000_000_000_000_000;
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// A router on a free port of the loopback.
+/// Opens a router on a free port of the loopback.
 async fn router() -> (zenoh::Session, String) {
     let port = TcpListener::bind("127.0.0.1:0")
         .unwrap()
@@ -51,12 +52,13 @@ fn options(count: usize, endpoint: &str) -> FleetOptions {
         keys: Keys::default(),
         trusted: Some(key().public_key().into()),
         start_stamp_ns: START_NS,
+        rate: NonZeroU32::MIN,
     }
 }
 
 type Payloads = Arc<Mutex<BTreeMap<String, Vec<Vec<u8>>>>>;
 
-/// Everything that comes under a key expression, by key.
+/// Collects all messages under a key expression, by key.
 async fn collect(session: &zenoh::Session, key: &str, encoding: Encoding) -> Payloads {
     let payloads = Payloads::default();
     let into = Arc::clone(&payloads);
@@ -87,7 +89,7 @@ fn key() -> SigningKey {
     SigningKey::from_bytes(&[3; 32])
 }
 
-/// A signed calibration; generation 9 lies outside the robots' limits.
+/// Makes a signed calibration; generation 9 lies outside the robots' limits.
 fn envelope(robot: &str, generation: Generation, confirm_within_s: u32) -> Envelope {
     let values = CalibrationValues {
         steering_offset_rad: if generation == Generation(9) {
@@ -130,7 +132,7 @@ fn envelope_of(
 
 const APPROVED: &str = "fleet/tugger_01/calibration/approved";
 
-/// A service's half of the approved calibration's key of `tugger_01`.
+/// Service's half of the approved calibration's key of `tugger_01`.
 struct Approved {
     session: zenoh::Session,
     wanted: Arc<Mutex<Option<Envelope>>>,
@@ -339,11 +341,12 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
     assert_eq!(fleet.await.unwrap().unwrap()[0].generation, Generation(5));
 }
 
-/// In real time, with one reading a second: some with the wrong steering zero, and as many with the right one.
+/// Drives in real time, with one reading a second: some with the wrong steering zero, and as many
+/// with the right one.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_robot_stops_weaving_once_its_true_calibration_is_approved() {
     const READINGS: usize = 12;
-    /// Until it is on its way.
+    /// Readings until the robot is on its way.
     const SETTLING: usize = 3;
     let (session, endpoint) = router().await;
     let payloads = collect(&session, "fleet/*/cross_track_error", Encoding::Json).await;

@@ -22,24 +22,25 @@ const READ_AHEAD_MAX: usize = 8;
 /// Rows that SQLite's thread reads ahead.
 const ROWS_AHEAD_MAX: usize = 4;
 
-/// Real tables alone: a view of the file's own could run for ever. No file can hide this table.
+/// Query for real tables alone: a view of the file's own could run for ever. A file cannot hide
+/// this table.
 const TABLES: &str = "SELECT COUNT(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 \
      AND name IN ('topics', 'messages')";
-/// Columns that the file computes; `rosbag2` has none.
+/// Query for computed columns; `rosbag2` has none.
 const COMPUTED: &str = "SELECT (SELECT COUNT(*) FROM pragma_table_xinfo('messages') WHERE hidden <> 0) \
      + (SELECT COUNT(*) FROM pragma_table_xinfo('topics') WHERE hidden <> 0)";
-/// At most one more than [`CHANNELS_MAX`].
+/// Query for topics, at most one more than [`CHANNELS_MAX`].
 const TOPICS: &str = "SELECT name, type, serialization_format, coalesce(n, 0) AS count FROM topics \
      LEFT JOIN (SELECT topic_id, COUNT(*) AS n FROM messages GROUP BY topic_id) \
      ON topic_id = topics.id ORDER BY name LIMIT ?";
 const TIMES: &str = "SELECT MIN(timestamp), MAX(timestamp) FROM messages";
-/// What is larger than [`RECORD_BYTES_MAX`] comes as NULL, which is refused.
+/// Query for messages. Data larger than [`RECORD_BYTES_MAX`] come as NULL, which is refused.
 const MESSAGES: &str = "SELECT timestamp, name, iif(length(data) <= ?, data, NULL) AS data \
      FROM messages \
      JOIN topics ON topics.id = topic_id \
      WHERE name IN (SELECT value FROM json_each(?)) ORDER BY timestamp, messages.id";
 
-/// Checks a database from end to end and counts what is in it.
+/// Reads a database from end to end, checks it and counts its messages.
 pub(super) fn read_through(path: &Path) -> Result<Found, RecordingError> {
     let refused = |error: sqlx::Error| refused(path, &error);
     on_runtime(path, async {
@@ -105,12 +106,12 @@ fn channel(row: &SqliteRow) -> Result<Channel, sqlx::Error> {
     })
 }
 
-/// The messages of some topics by their log times, read on a thread of their own.
+/// Messages of some topics by their log times, read on a thread of their own.
 #[derive(Debug)]
 pub(super) struct BagMessages(Receiver<Result<RecordedMessage, RecordingError>>);
 
 impl BagMessages {
-    /// Begins to read.
+    /// Begins reading.
     pub(super) fn open(path: &Path, topics: &[Arc<str>]) -> Result<Self, RecordingError> {
         let (sender, receiver) = sync_channel(READ_AHEAD_MAX);
         let (path, topics) = (path.to_owned(), topics.to_vec());
@@ -137,7 +138,7 @@ impl Iterator for BagMessages {
     }
 }
 
-/// Sends all messages, and the error that ends them early. Whoever receives may go at any time.
+/// Sends all messages, and the error that ends them early. The receiver may be dropped at any time.
 fn send(
     path: &Path,
     topics: &[Arc<str>],
@@ -183,7 +184,7 @@ fn message(
     })
 }
 
-/// A message as it was recorded. CDR never begins as zstd does.
+/// Unpacks a message. CDR never begins like zstd.
 fn unpacked(data: &[u8]) -> std::io::Result<Cow<'_, [u8]>> {
     if !data.starts_with(&ZSTD_MAGIC) {
         return Ok(Cow::Borrowed(data));
@@ -199,7 +200,7 @@ fn unpacked(data: &[u8]) -> std::io::Result<Cow<'_, [u8]>> {
     Ok(Cow::Owned(message))
 }
 
-/// Opens a database that nothing is written to, nor beside it.
+/// Opens a database read-only, without writing to it or beside it.
 async fn open(path: &Path) -> Result<SqliteConnection, sqlx::Error> {
     let mut log = path.as_os_str().to_owned();
     log.push("-wal");

@@ -3,8 +3,8 @@
 
 use fleetcal_proto::message_type::MessageType;
 
-/// One definition: its own file, then those of the types it is made of. A header and its time are
-/// in all of them.
+/// Concatenates one definition: its own file, then those of the types it is made of. A header and
+/// its time are in all of them.
 macro_rules! definition {
     (@ $name:literal $(, $package:literal $part:literal)*) => {
         concat!(
@@ -23,7 +23,7 @@ macro_rules! definition {
     };
 }
 
-/// The definition of a type.
+/// Returns the definition of a type.
 pub(super) const fn of(message_type: MessageType) -> &'static str {
     match message_type {
         MessageType::AckermannDriveStamped => definition!(

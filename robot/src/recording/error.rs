@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use mcap::McapError;
 use thiserror::Error;
 
-/// Why a recording can't be used, in one sentence.
+/// Reason for which a recording can't be used, in one sentence.
 #[derive(Debug, Error)]
 pub enum RecordingError {
     /// The file can't be opened, read or written.
@@ -14,11 +14,11 @@ pub enum RecordingError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         #[source]
         source: io::Error,
     },
-    /// The file has no byte in it.
+    /// The file is empty.
     #[error("{}: the file is empty, expected a recording in MCAP or .db3", path.display())]
     Empty {
         /// The file.
@@ -34,7 +34,7 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
     },
-    /// The folder holds no file of messages, or several whose order nothing says.
+    /// The folder holds no file of messages, or several in an unknown order.
     #[error(
         "{}: the folder holds {count} files of messages (.mcap, .db3, or either with .zstd), expected \
          one, or up to 10000 with the metadata.yaml of rosbag2; or give a file itself",
@@ -43,15 +43,15 @@ pub enum RecordingError {
     Folder {
         /// The folder.
         path: PathBuf,
-        /// How many it holds.
+        /// Number of its files of messages.
         count: usize,
     },
-    /// What a folder's metadata say of its files cannot be.
+    /// The metadata of a folder's files are impossible.
     #[error("{}: {reason}", path.display())]
     Metadata {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the metadata.
         reason: String,
     },
     /// The file is packed with zstd and can't be unpacked.
@@ -59,7 +59,7 @@ pub enum RecordingError {
     Packed {
         /// The file.
         path: PathBuf,
-        /// What the unpacker says.
+        /// Error of the unpacker.
         #[source]
         source: io::Error,
     },
@@ -69,12 +69,12 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
     },
-    /// The database is not as `rosbag2` writes it, or damaged.
+    /// The database differs from those of `rosbag2`, or is damaged.
     #[error("{}: the recording is damaged or no .db3 of rosbag2: {reason}", path.display())]
     DamagedBag {
         /// The file.
         path: PathBuf,
-        /// What SQLite says.
+        /// Error of SQLite.
         reason: String,
     },
     /// The file ends before the recording does.
@@ -91,7 +91,7 @@ pub enum RecordingError {
         /// Messages that could be read.
         messages: u64,
     },
-    /// Something in the file is not as it was written.
+    /// A part of the file was altered.
     #[error(
         "{}: the recording is damaged after {readable_s:.3} s and {messages} messages: {source}",
         path.display()
@@ -103,22 +103,22 @@ pub enum RecordingError {
         readable_s: f64,
         /// Messages that could be read.
         messages: u64,
-        /// What is wrong.
+        /// Fault of the file.
         #[source]
         source: Box<McapError>,
     },
-    /// The file is whole, but there is no message in it.
+    /// The file is whole, but contains no messages.
     #[error("{}: the recording has no messages", path.display())]
     NoMessages {
         /// The file.
         path: PathBuf,
     },
-    /// The file has more topics than are held.
+    /// The file has more topics than are accepted.
     #[error("{}: the recording has more than {limit} topics", path.display())]
     TooManyChannels {
         /// The file.
         path: PathBuf,
-        /// How many are accepted.
+        /// Number of accepted topics.
         limit: usize,
     },
     /// The messages are so far out of order that they can't be sorted on the way.
@@ -130,7 +130,7 @@ pub enum RecordingError {
     OutOfOrder {
         /// The file.
         path: PathBuf,
-        /// How far.
+        /// Disorder, s.
         disorder_s: f64,
     },
     /// A message could not be written.
@@ -138,14 +138,15 @@ pub enum RecordingError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the writer says.
+        /// Error of the writer.
         #[source]
         source: Box<McapError>,
     },
 }
 
 impl RecordingError {
-    /// The command's exit status: 74 for input and output, 65 for a recording that can't be used.
+    /// Returns the command's exit status: 74 for input and output, 65 for a recording that can't be
+    /// used.
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Io { .. } | Self::Write { .. } => 74,

@@ -13,9 +13,9 @@ use serde_json::json;
 
 use super::{RecordingError, definitions};
 
-/// An MCAP with ROS 2 messages and others in it. The same messages give the same bytes.
+/// An MCAP file of ROS 2 and other messages. The same messages give the same bytes.
 pub(super) struct McapFile<W: Write + Seek> {
-    /// What errors name.
+    /// Path that errors name.
     path: PathBuf,
     writer: Writer<W>,
     sequence: u32,
@@ -29,7 +29,7 @@ impl<W: Write + Seek> std::fmt::Debug for McapFile<W> {
     }
 }
 
-/// What every file is written with: ROS 2's profile, since that is what is in it.
+/// Makes the options of every file: ROS 2's profile, in accordance with the content.
 pub(super) fn options() -> WriteOptions {
     WriteOptions::new()
         .profile("ros2")
@@ -39,7 +39,7 @@ pub(super) fn options() -> WriteOptions {
 }
 
 impl McapFile<BufWriter<File>> {
-    /// Makes the file, or empties it.
+    /// Creates the file, or empties it.
     pub(super) fn create(path: &Path) -> Result<Self, RecordingError> {
         let file = File::create(path).map_err(|source| RecordingError::Io {
             path: path.to_owned(),
@@ -56,7 +56,7 @@ impl McapFile<BufWriter<File>> {
     }
 }
 
-/// Waits until the disk has all that was written.
+/// Waits until the disk has all written bytes.
 pub(super) fn sync(path: &Path, file: BufWriter<File>) -> Result<(), RecordingError> {
     let io = |source| RecordingError::Io {
         path: path.to_owned(),
@@ -77,7 +77,7 @@ impl<W: Write + Seek> McapFile<W> {
         })
     }
 
-    /// What errors name.
+    /// Returns the path that errors name.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
@@ -160,7 +160,7 @@ impl<W: Write + Seek> McapFile<W> {
             .map_err(|error| refused(&self.path, error))
     }
 
-    /// Writes the end.
+    /// Writes the end and returns the output.
     pub(super) fn finish(mut self) -> Result<W, RecordingError> {
         let finished = self.writer.finish();
         finished.map_err(|error| refused(&self.path, error))?;

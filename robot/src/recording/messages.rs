@@ -15,20 +15,20 @@ use super::scan::{Reading, open_reader};
 use super::storage::{Kind, Storage};
 use super::{HELD_BYTES_MAX, RecordingError};
 
-/// Gives the messages of some topics in the order of their log times.
+/// Iterator over the messages of some topics in the order of their log times.
 ///
-/// Holds back as many as the recording's own disorder asks for: none of those that come later in
-/// the file can belong before what is given out.
+/// It holds back as many as the recording's own disorder requires: later messages of the file never
+/// precede one that it has returned.
 pub struct Messages {
     path: PathBuf,
-    /// The files that are still to be read, this one first. Held, so that an unpacked file
-    /// stays while it is read.
+    /// Files that are still to be read, the present one first. They are held, so that an unpacked
+    /// file stays while it is read.
     storages: VecDeque<Storage>,
     topics: Vec<Arc<str>>,
-    /// What reads the first of them.
+    /// Reader of the first of them.
     reader: Option<Reader>,
     disorder_ns: u64,
-    /// How many messages were taken from the file.
+    /// Number of messages read from the file.
     place: u64,
     newest_ns: u64,
     held: BinaryHeap<Reverse<Held>>,
@@ -36,11 +36,11 @@ pub struct Messages {
     ended: bool,
 }
 
-/// What reads the file.
+/// Reader of a file.
 enum Reader {
-    /// In the order of the file.
+    /// Reader in the order of the file.
     Mcap(Box<MessageReader<BufReader<File>>>, Reading),
-    /// In the order of log times.
+    /// Reader in the order of log times.
     Bag(BagMessages),
 }
 
@@ -53,7 +53,7 @@ impl Reader {
         })
     }
 
-    /// The next message of these topics, those that were passed over counted.
+    /// Returns the next message of these topics, and counts the skipped ones.
     fn next(&mut self, path: &Path, topics: &[Arc<str>]) -> Option<Result<Next, RecordingError>> {
         let (reader, reading) = match self {
             Self::Bag(messages) => return Some(messages.next()?.map(Next::Wanted)),
@@ -76,11 +76,11 @@ impl Reader {
     }
 }
 
-/// What stands next in a file.
+/// Next entry of a file.
 enum Next {
-    /// A message of a topic that is wanted.
+    /// A message of a wanted topic.
     Wanted(RecordedMessage),
-    /// One of another topic, logged at this time.
+    /// A message of another topic, logged at this time.
     PassedOver(u64),
 }
 
@@ -149,7 +149,7 @@ impl Messages {
         })
     }
 
-    /// What stands next, be it in the file behind the one that has ended.
+    /// Returns the next entry, possibly of the file after one that has ended.
     fn next_in_files(&mut self) -> Option<Result<Next, RecordingError>> {
         loop {
             let path = self.storages.front()?.path();
@@ -164,7 +164,7 @@ impl Messages {
         }
     }
 
-    /// Reads on in the file until a message can be given out or nothing is left to read.
+    /// Reads on in the file until a message can be returned or nothing is left.
     fn read_on(&mut self) -> Result<(), RecordingError> {
         while !self.ended && !self.can_give_out() {
             let Some(next) = self.next_in_files() else {

@@ -41,7 +41,7 @@ pub const RECORD_BYTES_MAX: usize = 256 << 20;
 pub const FILES_MAX: usize = 10_000;
 /// Largest `metadata.yaml` that is read, bytes.
 pub const METADATA_BYTES_MAX: u64 = 16 << 20;
-/// What a recording packed with zstd may become, bytes.
+/// Largest unpacked size of a recording packed with zstd, bytes.
 pub const UNPACKED_BYTES_MAX: u64 = 256 << 30;
 /// Most topics a recording may have.
 pub const CHANNELS_MAX: usize = 4096;
@@ -53,22 +53,22 @@ pub const HELD_BYTES_MAX: usize = 512 << 20;
 pub struct Channel {
     /// The topic, `/tugger_01/wheel_odometry`.
     pub topic: String,
-    /// The ROS 2 type of its messages, `sensor_msgs/msg/LaserScan`; empty when the file has none.
+    /// ROS 2 type of its messages, `sensor_msgs/msg/LaserScan`; empty if the file has none.
     pub message_type: String,
-    /// The form of its messages; `None` when it is one that is not read here.
+    /// Encoding of its messages; `None` for an unknown one.
     pub encoding: Option<Encoding>,
-    /// How many messages it has.
+    /// Number of its messages.
     pub count: u64,
 }
 
 impl Channel {
-    /// The type of its messages, when it is one that is read here.
+    /// Returns the type of its messages, if it is one of [`MessageType`].
     pub fn known_type(&self) -> Option<MessageType> {
         let is_it = |of: &MessageType| of.ros_type() == self.message_type;
         MessageType::ALL.into_iter().find(is_it)
     }
 
-    /// How its messages are to be read.
+    /// Returns the form of its messages.
     pub fn form(&self) -> Form {
         Form {
             encoding: self.encoding.unwrap_or_default(),
@@ -88,10 +88,10 @@ pub struct Recording {
 
 impl Recording {
     /// Reads the file through once. A folder of `rosbag2` stands for the files of messages in it,
-    /// in the order of its `metadata.yaml`; what is packed with zstd is unpacked first.
+    /// in the order of its `metadata.yaml`; files packed with zstd are unpacked first.
     ///
     /// # Errors
-    /// When it can't be read, or is no recording, empty, truncated, damaged or without messages.
+    /// It can't be read, or is not a recording, empty, truncated, damaged or without messages.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let storages = Storage::find(path)?;
         let mut together = Together::default();
@@ -120,13 +120,14 @@ impl Recording {
         })
     }
 
-    /// The files of messages in it, packed or not: others than the path where that is a folder.
+    /// Returns its files of messages, packed or not, which differ from the path for a folder.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.storages.iter().map(Storage::original)
     }
 
-    /// Whether a file is of it, so that nothing may be written in its place: it is one of messages,
-    /// or stands beside one in a folder of `rosbag2` as its `metadata.yaml` or a further file.
+    /// True if a file belongs to it, so that nothing may be written in its place: it is one of
+    /// messages, or is beside one in a folder of `rosbag2` as its `metadata.yaml` or a further
+    /// file.
     pub fn holds(&self, file: &Path) -> bool {
         let (Ok(path), Ok(file)) = (self.path.canonicalize(), file.canonicalize()) else {
             return false;
@@ -141,32 +142,32 @@ impl Recording {
         path == file || self.files().any(is_it) || folder.is_some_and(is_beside)
     }
 
-    /// The file.
+    /// Returns the path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Its topics, in the order of their names.
+    /// Returns its topics, in the order of their names.
     pub fn channels(&self) -> &[Channel] {
         &self.found.channels
     }
 
-    /// Log time of the first message, ns since 1970.
+    /// Returns the log time of the first message, ns since 1970.
     pub fn start_ns(&self) -> u64 {
         self.found.start_ns
     }
 
-    /// Log time of the last message, ns since 1970.
+    /// Returns the log time of the last message, ns since 1970.
     pub fn end_ns(&self) -> u64 {
         self.found.end_ns
     }
 
-    /// Time from the first to the last message, s.
+    /// Returns the time from the first to the last message, s.
     pub fn duration_s(&self) -> f64 {
         self.end_ns().saturating_sub(self.start_ns()) as f64 * 1e-9
     }
 
-    /// How many messages some topics have together.
+    /// Returns the number of messages of some topics together.
     pub fn count(&self, topics: &[&str]) -> u64 {
         let chosen = |channel: &&Channel| topics.contains(&channel.topic.as_str());
         self.channels()
@@ -176,17 +177,17 @@ impl Recording {
             .sum()
     }
 
-    /// The messages of some topics in the order of their log times; of equal ones, in the order
-    /// of the file.
+    /// Returns the messages of some topics in the order of their log times; of equal ones, in the
+    /// order of the file.
     ///
     /// # Errors
-    /// When the file can't be opened any more.
+    /// The file can't be opened any more.
     pub fn messages(&self, topics: &[&str]) -> Result<Messages, RecordingError> {
         Messages::open(&self.path, &self.storages, topics, self.found.disorder_ns)
     }
 }
 
-/// A ROS type's name as `package/msg/Type`, from any of the spellings in use.
+/// Normalises a ROS type's name to `package/msg/Type`, from any of the spellings in use.
 fn normalised_type(name: &str) -> String {
     let name = name.replace("::dds_::", "::").replace("::", "/");
     let name = name.strip_suffix('_').unwrap_or(&name);

@@ -5,10 +5,10 @@ use std::sync::Arc;
 /// One message of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecordedMessage {
-    /// When it was logged, ns since 1970.
+    /// Log time, ns since 1970.
     pub log_time_ns: u64,
     /// Its topic.
     pub topic: Arc<str>,
-    /// Its bytes, in its channel's encoding.
+    /// Payload, in its channel's encoding.
     pub payload: Vec<u8>,
 }

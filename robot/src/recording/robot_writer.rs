@@ -14,16 +14,15 @@ use serde_json::{Value, json};
 use super::RecordingError;
 use super::mcap_file::{self, McapFile};
 
-/// Name of the metadata record that says how much is missing.
+/// Name of the metadata record with the number of missing messages.
 pub const RECORDING_METADATA: &str = "fleetcal.session";
 
-/// Writes a recording: the streams as they came, `/tf` as `foxglove.FrameTransform`,
+/// Writer of a recording: the streams unchanged, `/tf` as `foxglove.FrameTransform`,
 /// `/{robot}/estimate` as JSON and `/{robot}/events` as `foxglove.Log`.
 ///
-/// Everything is logged at its own stamp, by the robot's clock: the messages at that of their
-/// header, a scan at its first beam; the rest at the message time that it speaks of. What a
-/// recorder's clock said is left out, since it may be any other. The same messages give the same
-/// bytes.
+/// Everything is logged at its own stamp, by the robot's clock: messages at that of their header, a
+/// scan at its first beam; the rest at its message time. A recorder's clock is ignored, since it
+/// may be any other. The same messages give the same bytes.
 #[derive(Debug)]
 pub struct RobotWriter<W: Write> {
     file: McapFile<NoSeek<W>>,
@@ -34,7 +33,7 @@ pub struct RobotWriter<W: Write> {
 }
 
 impl RobotWriter<BufWriter<File>> {
-    /// Makes the file, or empties it.
+    /// Creates the file, or empties it.
     ///
     /// # Errors
     /// When it can't be made.
@@ -58,7 +57,7 @@ impl RobotWriter<BufWriter<File>> {
 }
 
 impl<W: Write> RobotWriter<W> {
-    /// Begins to write to `to`, from its beginning to its end; errors call it `path`.
+    /// Begins writing to `to`, from beginning to end; errors call it `path`.
     ///
     /// # Errors
     /// When it can't be written.
@@ -76,7 +75,7 @@ impl<W: Write> RobotWriter<W> {
         })
     }
 
-    /// Writes a message of the robot as it came, logged at `stamp_ns`.
+    /// Writes a message of the robot unchanged, logged at `stamp_ns`.
     ///
     /// # Errors
     /// When it can't be written.
@@ -101,7 +100,7 @@ impl<W: Write> RobotWriter<W> {
         self.file.write(channel, [stamp_ns; 2], payload)
     }
 
-    /// Writes where a frame is in another, from `stamp_ns` on.
+    /// Writes the pose of a frame in another, from `stamp_ns` on.
     ///
     /// # Errors
     /// When it can't be written.
@@ -124,7 +123,7 @@ impl<W: Write> RobotWriter<W> {
         self.write_json(self.transforms, stamp_ns, &transform)
     }
 
-    /// Writes what was known at a time.
+    /// Writes the estimate at a time.
     ///
     /// # Errors
     /// When it can't be written.
@@ -132,7 +131,7 @@ impl<W: Write> RobotWriter<W> {
         self.write_json(self.estimates, stamp_ns, estimate)
     }
 
-    /// Writes what happened, as a warning.
+    /// Writes an event, as a warning.
     ///
     /// # Errors
     /// When it can't be written.
@@ -148,7 +147,8 @@ impl<W: Write> RobotWriter<W> {
         self.write_json(self.events, stamp_ns, &log)
     }
 
-    /// Writes how many messages are missing, since they came faster than they were written.
+    /// Writes the number of messages that are missing because they came faster than they were
+    /// written.
     ///
     /// # Errors
     /// When it can't be written.
@@ -157,7 +157,7 @@ impl<W: Write> RobotWriter<W> {
         self.file.metadata(RECORDING_METADATA, values.into())
     }
 
-    /// Writes the end.
+    /// Writes the end and returns the output.
     ///
     /// # Errors
     /// When it can't be written.

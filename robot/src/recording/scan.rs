@@ -13,18 +13,18 @@ use mcap::{McapError, Message};
 
 use super::{CHANNELS_MAX, Channel, RECORD_BYTES_MAX, RecordingError, normalised_type};
 
-/// What a reading from end to end found: none of a recording without messages.
+/// Result of reading from end to end; a recording without messages has none.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Found {
-    /// In the order of their names.
+    /// Channels in the order of their names.
     pub(super) channels: Vec<Channel>,
     pub(super) start_ns: u64,
     pub(super) end_ns: u64,
-    /// How far, at most, a message's log time lies before one that stands earlier.
+    /// Largest lag of a message's log time behind one that precedes it.
     pub(super) disorder_ns: u64,
 }
 
-/// What the files of a recording hold together.
+/// Combined content of a recording's files.
 #[derive(Debug, Default)]
 pub(super) struct Together {
     channels: BTreeMap<(String, String), Channel>,
@@ -34,7 +34,7 @@ pub(super) struct Together {
 }
 
 impl Together {
-    /// Adds what the next file holds. False when there is one topic too many.
+    /// Adds the content of the next file. Returns false if there is one topic too many.
     pub(super) fn add(&mut self, next: Found) -> bool {
         if next.channels.is_empty() {
             return true;
@@ -58,7 +58,7 @@ impl Together {
         self.channels.len() <= CHANNELS_MAX
     }
 
-    /// All of it.
+    /// Returns the combined content.
     pub(super) fn finish(self) -> Found {
         Found {
             channels: self.channels.into_values().collect(),
@@ -69,7 +69,7 @@ impl Together {
     }
 }
 
-/// Opens an MCAP file, to read its messages in the order of the file.
+/// Opens an MCAP file to read its messages in the order of the file.
 pub(super) fn open_reader(path: &Path) -> Result<MessageReader<BufReader<File>>, RecordingError> {
     let io = |source| RecordingError::Io {
         path: path.to_owned(),
@@ -103,7 +103,7 @@ pub(super) fn read_through(path: &Path) -> Result<Found, RecordingError> {
     Ok(reading.finish())
 }
 
-/// How far a reading of a file got.
+/// State of reading a file.
 #[derive(Debug, Default)]
 pub(super) struct Reading {
     messages: u64,
@@ -114,7 +114,7 @@ pub(super) struct Reading {
 }
 
 impl Reading {
-    /// Counts a message. False when it is of one topic too many.
+    /// Counts a message. Returns false if it belongs to one topic too many.
     fn take(&mut self, message: &Message<'_>) -> bool {
         self.advance(message.log_time);
         let type_name = message
@@ -145,7 +145,7 @@ impl Reading {
         self.channels.len() <= CHANNELS_MAX
     }
 
-    /// Takes note of a message's log time.
+    /// Updates the range and disorder of log times.
     pub(super) fn advance(&mut self, log_time_ns: u64) {
         if self.messages == 0 {
             (self.start_ns, self.end_ns) = (log_time_ns, log_time_ns);
@@ -158,7 +158,7 @@ impl Reading {
         self.messages += 1;
     }
 
-    /// What a reader's error says about the recording.
+    /// Converts a reader's error to one about the recording.
     pub(super) fn refused(&self, path: &Path, error: McapError) -> RecordingError {
         let path = path.to_owned();
         let readable_s = self.end_ns.saturating_sub(self.start_ns) as f64 * 1e-9;

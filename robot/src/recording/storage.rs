@@ -14,17 +14,17 @@ use tempfile::{NamedTempFile, TempPath};
 
 use super::{FILES_MAX, METADATA_BYTES_MAX, RecordingError, UNPACKED_BYTES_MAX};
 
-/// What `rosbag2` says of a folder.
+/// File of `rosbag2`'s metadata in a folder.
 const METADATA: &str = "metadata.yaml";
 
-/// What a file packed with zstd begins with, and a message that was packed by itself.
+/// First bytes of a file packed with zstd, and of a message that was packed by itself.
 pub(super) const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
-/// What an SQLite database begins with.
+/// First bytes of an SQLite database.
 const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
-/// Endings of the files that hold messages.
+/// Suffixes of the files that hold messages.
 const ENDINGS: [&str; 4] = [".mcap", ".db3", ".mcap.zstd", ".db3.zstd"];
 
-/// How messages are stored in a file.
+/// Storage format of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     /// MCAP.
@@ -33,7 +33,7 @@ pub(super) enum Kind {
     Sqlite,
 }
 
-/// A file of messages. One that was unpacked goes when the last of its readers has gone.
+/// A file of messages. An unpacked one is removed with the last of its readers.
 #[derive(Debug, Clone)]
 pub(super) struct Storage {
     pub(super) kind: Kind,
@@ -42,8 +42,8 @@ pub(super) struct Storage {
 }
 
 impl Storage {
-    /// Finds the files behind a path, which may be a folder of `rosbag2`, and unpacks them. They
-    /// are in the order in which they were recorded.
+    /// Finds the files at a path, which may be a folder of `rosbag2`, and unpacks them. They are in
+    /// the order of recording.
     pub(super) fn find(path: &Path) -> Result<Vec<Self>, RecordingError> {
         let files = if path.is_dir() {
             files_in(path)?
@@ -55,7 +55,7 @@ impl Storage {
         files.into_iter().map(of).collect()
     }
 
-    /// One file; what is unpacked takes `room`.
+    /// Opens one file; unpacking reduces `room`.
     fn of_file(path: PathBuf, room: &mut u64) -> Result<Self, RecordingError> {
         let magic = first_bytes(&path)?;
         if !magic.starts_with(&ZSTD_MAGIC) {
@@ -74,7 +74,7 @@ impl Storage {
         })
     }
 
-    /// The file to read.
+    /// Returns the file to read.
     pub(super) fn path(&self) -> &Path {
         match &self.unpacked {
             Some(unpacked) => unpacked,
@@ -82,7 +82,7 @@ impl Storage {
         }
     }
 
-    /// The file as it was recorded, packed or not.
+    /// Returns the recorded file, packed or not.
     pub(super) fn original(&self) -> &Path {
         &self.original
     }
@@ -113,7 +113,7 @@ fn first_bytes(path: &Path) -> Result<Vec<u8>, RecordingError> {
     read().map_err(|source| io(path, source))
 }
 
-/// The files of messages in a folder, in their order.
+/// Returns the files of messages in a folder, in their order.
 fn files_in(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
     let entries = std::fs::read_dir(folder).map_err(|source| io(folder, source))?;
     let mut files = Vec::new();
@@ -136,20 +136,20 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
     }
 }
 
-/// Whether a file of a folder is one of messages, by its name.
+/// True if a file of a folder is one of messages, by its name.
 fn has_messages(path: &Path) -> bool {
     let name = path.to_string_lossy();
     ENDINGS.iter().any(|ending| name.ends_with(ending))
 }
 
-/// Whether a file is of what `rosbag2` wrote into a folder: the metadata, or one of messages.
+/// True if `rosbag2` wrote a file into a folder: the metadata, or one of messages.
 pub(super) fn is_of_bag(folder: &Path, file: &Path) -> bool {
     let metadata = folder.join(METADATA);
     let is_of_it = file == metadata || has_messages(file);
     file.parent() == Some(folder) && metadata.is_file() && is_of_it
 }
 
-/// What of `metadata.yaml` says the order of a split recording's files.
+/// Part of `metadata.yaml` with the order of a split recording's files.
 #[derive(Deserialize)]
 struct Metadata {
     rosbag2_bagfile_information: Information,
@@ -185,13 +185,14 @@ fn refused(metadata: &Path, reason: String) -> RecordingError {
     }
 }
 
-/// Whether the metadata know of one file of messages.
+/// True if the metadata name at most one file of messages.
 fn names_one(metadata: &Path) -> Result<bool, RecordingError> {
     let known = Information::read(metadata)?;
     Ok(known.relative_file_paths.len() <= 1)
 }
 
-/// The files that the metadata name, in that order. All of them have to be there, and no others.
+/// Returns the files that the metadata name, in that order. All of them have to exist, and no
+/// others.
 fn split_files(
     folder: &Path,
     metadata: &Path,

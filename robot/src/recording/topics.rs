@@ -5,10 +5,10 @@ use thiserror::Error;
 
 use super::Channel;
 
-/// Where speed and steering are.
+/// Channels of speed and steering.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ChosenWheelOdometry {
-    /// In the same messages.
+    /// Speed and steering are in the same messages.
     Whole(Channel),
     /// On topics of their own, to be paired by stamp.
     Halves {
@@ -20,7 +20,7 @@ pub enum ChosenWheelOdometry {
 }
 
 impl ChosenWheelOdometry {
-    /// The channels.
+    /// Returns the channels.
     pub fn channels(&self) -> Vec<&Channel> {
         match self {
             Self::Whole(drive) => vec![drive],
@@ -29,17 +29,17 @@ impl ChosenWheelOdometry {
     }
 }
 
-/// What the LiDAR's motion is taken from.
+/// Source of the LiDAR's motion.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ChosenPose {
-    /// Raw scans, or the clouds of a 3D scanner: the channel's type tells.
+    /// Raw scans, or the clouds of a 3D scanner, by the channel's type.
     Scan(Channel),
     /// Poses of a LiDAR odometry that ran on the robot.
     LidarOdometry(Channel),
 }
 
 impl ChosenPose {
-    /// The channel.
+    /// Returns the channel.
     pub fn channel(&self) -> &Channel {
         match self {
             Self::Scan(channel) | Self::LidarOdometry(channel) => channel,
@@ -47,7 +47,7 @@ impl ChosenPose {
     }
 }
 
-/// The topics of a calibration.
+/// Topics of a calibration.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Topics {
     /// Measured speed and steering.
@@ -57,20 +57,20 @@ pub struct Topics {
 }
 
 impl Topics {
-    /// The channels, those of the wheel odometry first.
+    /// Returns the channels, those of the wheel odometry first.
     pub fn channels(&self) -> Vec<&Channel> {
         let mut channels = self.wheel_odometry.channels();
         channels.push(self.pose.channel());
         channels
     }
 
-    /// The names of all.
+    /// Returns all names.
     pub fn names(&self) -> Vec<&str> {
         let channels = self.channels().into_iter();
         channels.map(|channel| channel.topic.as_str()).collect()
     }
 
-    /// The topic that says whose recording it is: of the wheel odometry, or of the steering.
+    /// Returns the topic that identifies the robot: of the wheel odometry, or of the steering.
     pub fn wheel_odometry_topic(&self) -> &str {
         match &self.wheel_odometry {
             ChosenWheelOdometry::Whole(channel)
@@ -80,24 +80,24 @@ impl Topics {
         }
     }
 
-    /// The first chunk of the wheel odometry topic, as which the robot is known unless told otherwise:
-    /// `tugger_01` of `/tugger_01/wheel_odometry`. `None` when the topic has only one chunk.
+    /// Returns the first chunk of the wheel odometry topic, the robot's default name: `tugger_01`
+    /// of `/tugger_01/wheel_odometry`. `None` if the topic has only one chunk.
     pub fn robot(&self) -> Option<&str> {
         let chunks = self.wheel_odometry_topic().trim_start_matches('/');
         chunks.split_once('/').map(|(robot, _)| robot)
     }
 }
 
-/// A topic that somebody asks for.
+/// A requested topic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AskedTopic {
     /// Its name in the recording.
     pub topic: String,
-    /// The flag, or the key of a configuration, that says so.
+    /// Flag, or key of a configuration, that requests it.
     pub by: &'static str,
 }
 
-/// The topics that are asked for; the others are found by their types.
+/// Requested topics; the others are found by their types.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct AskedTopics {
     /// Speed and steering in one.
@@ -112,75 +112,75 @@ pub struct AskedTopics {
     pub pose: Option<AskedTopic>,
 }
 
-/// Why the topics of a recording could not be chosen.
+/// Reason for which the topics of a recording could not be chosen.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum TopicError {
-    /// The recording lacks what is needed.
+    /// The recording lacks a required topic.
     #[error("the recording has no {what} topic ({needed}); it has {present}")]
     Missing {
-        /// What is missing.
+        /// Missing content.
         what: &'static str,
-        /// The message types that would do.
+        /// Message types that are accepted.
         needed: String,
-        /// The topics it has, with their types.
+        /// Topics of the recording, with their types.
         present: String,
     },
-    /// More than one topic would do and none was chosen.
+    /// More than one topic is suitable and none was chosen.
     #[error("{count} {what} topics would do: {candidates}; choose one with {flag}")]
     Ambiguous {
-        /// What they are for.
+        /// Their content.
         what: &'static str,
-        /// How many there are.
+        /// Number of suitable topics.
         count: usize,
         /// Their names.
         candidates: String,
         /// The flag that chooses.
         flag: &'static str,
     },
-    /// The topic that was asked for is not in the recording.
+    /// The requested topic is not in the recording.
     #[error("{flag}: got {topic:?}, expected the recording's topics: {present}")]
     NotInRecording {
         /// The flag.
         flag: &'static str,
         /// Its value.
         topic: String,
-        /// The topics it has, with their types.
+        /// Topics of the recording, with their types.
         present: String,
     },
-    /// The topic that was asked for is of another type.
+    /// The requested topic is of another type.
     #[error("{flag}: got {topic:?} of type {found}, expected {needed}")]
     WrongType {
         /// The flag.
         flag: &'static str,
         /// Its value.
         topic: String,
-        /// Its type, and its encoding where that is the trouble.
+        /// Its type, and its encoding if that is at fault.
         found: String,
-        /// The types that would do.
+        /// Accepted types.
         needed: String,
     },
-    /// Two that exclude each other.
+    /// Two flags exclude each other.
     #[error("{scan} and {pose} are both given, expected one of them")]
     ScanAndPose {
-        /// What asks for scans.
+        /// Flag that requests scans.
         scan: &'static str,
-        /// What asks for poses.
+        /// Flag that requests poses.
         pose: &'static str,
     },
     /// Neither wheel odometry nor both of its halves.
     #[error("{given} given, expected a topic of both steering and speed, or one of each")]
     Halves {
-        /// What is given.
+        /// Given flag.
         given: String,
     },
-    /// One topic as both halves.
+    /// Both halves have the same topic.
     #[error(
         "{steering} and {speed} are both {topic:?}, expected {wheel_odometry} for a topic of both"
     )]
     OneTopic {
-        /// What asks for the steering.
+        /// Flag that requests the steering.
         steering: &'static str,
-        /// What asks for the speed.
+        /// Flag that requests the speed.
         speed: &'static str,
         /// The topic.
         topic: String,
@@ -190,8 +190,8 @@ pub enum TopicError {
 }
 
 impl TopicError {
-    /// The command's exit status: 2 for what the caller can mend, 65 when the recording lacks
-    /// what is needed.
+    /// Returns the command's exit status: 2 for errors that the caller can correct, 65 if the
+    /// recording lacks a required topic.
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Missing { .. } => 65,
@@ -200,14 +200,13 @@ impl TopicError {
     }
 }
 
-/// What a topic is wanted for.
+/// Purpose of a topic.
 struct Wanted {
     what: &'static str,
     flag: &'static str,
-    /// The types that would do, the preferred first.
+    /// Accepted types, the preferred first.
     accepted: &'static [MessageType],
-    /// Those of them that are taken without being asked for: what else is of the others' types says
-    /// too little.
+    /// Types of them that are found without a request: topics of the others are too ambiguous.
     found: &'static [MessageType],
 }
 
@@ -249,11 +248,11 @@ const POSE: Wanted = Wanted {
     found: &[MessageType::Odometry],
 };
 
-/// Chooses the topics of a calibration: those asked for, else by message type when only one would
-/// do. Scans are preferred to poses, unless a pose topic is asked for.
+/// Chooses the topics of a calibration: the requested ones, else by message type if only one is
+/// suitable. Scans are preferred to poses, unless a pose topic is requested.
 ///
 /// # Errors
-/// Says what is missing, lists the candidates, or names the flag that can't be.
+/// Names what is missing, lists the candidates, or names the invalid flag.
 pub fn choose_topics(channels: &[Channel], asked: &AskedTopics) -> Result<Topics, TopicError> {
     let drive = choose_wheel_odometry(channels, asked)?;
     let pose = match (&asked.scan, &asked.pose) {
@@ -333,11 +332,11 @@ fn choose_wheel_odometry(
     }
 }
 
-/// Chooses the topic with scans: the one asked for, else the only one; clouds when there are no
+/// Chooses the topic with scans: the requested one, else the only one; clouds in the absence of
 /// scans.
 ///
 /// # Errors
-/// Says that there is none, lists the candidates, or names the flag that can't be.
+/// Reports that there is none, lists the candidates, or names the invalid flag.
 pub fn choose_scan_topic(
     channels: &[Channel],
     scan_topic: Option<&str>,
@@ -352,7 +351,7 @@ pub fn choose_scan_topic(
     only_one(channels, &SCAN)?.ok_or_else(|| missing(channels, SCAN.what, SCAN.needed()))
 }
 
-/// The only topic of the preferred type that there is; `None` when there is none of any.
+/// Returns the only topic of the most preferred type present; `None` in the absence of any.
 fn only_one(channels: &[Channel], wanted: &Wanted) -> Result<Option<Channel>, TopicError> {
     let of_type = |of: &MessageType| -> Vec<&Channel> {
         let fits = |channel: &&Channel| {

@@ -13,11 +13,11 @@ use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, PoseStamped, RosMess
 use super::RecordingError;
 use super::mcap_file::McapFile;
 
-/// Name of the metadata record that holds a simulated robot's true values.
+/// Name of the metadata record with a simulated robot's true values.
 pub const TRUTH_METADATA: &str = "fleetcal.truth";
 
-/// Writes `/{robot}/wheel_odometry`, `/{robot}/scan` and `/{robot}/truth` into an MCAP file of profile
-/// `ros2`. The same messages give the same bytes.
+/// Writer of `/{robot}/wheel_odometry`, `/{robot}/scan` and `/{robot}/truth` into an MCAP file of
+/// profile `ros2`. The same messages give the same bytes.
 #[derive(Debug)]
 pub struct RecordingWriter {
     file: McapFile<BufWriter<File>>,
@@ -27,7 +27,7 @@ pub struct RecordingWriter {
 }
 
 impl RecordingWriter {
-    /// Makes the file, or empties it.
+    /// Creates the file, or empties it.
     ///
     /// # Errors
     /// When it can't be made.
@@ -53,9 +53,21 @@ impl RecordingWriter {
         &mut self,
         message: &AckermannDriveStamped,
     ) -> Result<(), RecordingError> {
-        let stamp_ns = message.header.stamp.as_ns();
+        self.wheel_odometry_at(message, message.header.stamp.as_ns())
+    }
+
+    /// Writes a drive sample, logged when it arrived, ns.
+    ///
+    /// # Errors
+    /// When it can't be written.
+    pub fn wheel_odometry_at(
+        &mut self,
+        message: &AckermannDriveStamped,
+        arrival_ns: i64,
+    ) -> Result<(), RecordingError> {
+        let times_ns = [arrival_ns, message.header.stamp.as_ns()];
         self.file
-            .write(self.wheel_odometry, [stamp_ns; 2], &message.to_cdr())
+            .write(self.wheel_odometry, times_ns, &message.to_cdr())
     }
 
     /// Writes a scan, which is stamped at its first beam and logged when its last was taken.
@@ -63,11 +75,18 @@ impl RecordingWriter {
     /// # Errors
     /// When it can't be written.
     pub fn scan(&mut self, message: &LaserScan) -> Result<(), RecordingError> {
-        let stamp_ns = message.header.stamp.as_ns();
         let scan_s = f64::from(message.time_increment) * message.ranges.len() as f64;
-        let log_time_ns = stamp_ns.saturating_add((scan_s * 1e9) as i64);
-        self.file
-            .write(self.scan, [log_time_ns, stamp_ns], &message.to_cdr())
+        let stamp_ns = message.header.stamp.as_ns();
+        self.scan_at(message, stamp_ns.saturating_add((scan_s * 1e9) as i64))
+    }
+
+    /// Writes a scan, logged when it arrived, ns.
+    ///
+    /// # Errors
+    /// When it can't be written.
+    pub fn scan_at(&mut self, message: &LaserScan, arrival_ns: i64) -> Result<(), RecordingError> {
+        let times_ns = [arrival_ns, message.header.stamp.as_ns()];
+        self.file.write(self.scan, times_ns, &message.to_cdr())
     }
 
     /// Writes the true pose of `base` in the world, logged at its stamp.

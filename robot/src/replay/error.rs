@@ -7,7 +7,7 @@ use thiserror::Error;
 use crate::recording::{RecordingError, TopicError};
 use crate::session_error::SessionError;
 
-/// Why a replay was given up, in one sentence.
+/// Reason for which a replay was abandoned, in one sentence.
 #[derive(Debug, Error)]
 pub enum ReplayError {
     /// The recording can't be used.
@@ -16,7 +16,7 @@ pub enum ReplayError {
     /// Its topics can't be used.
     #[error(transparent)]
     Topics(#[from] TopicError),
-    /// The topics do not say whose they are.
+    /// The topics do not identify the robot.
     #[error(
         "wheel odometry topic {topic:?} names no robot in front of the stream; say which with --robot"
     )]
@@ -24,27 +24,27 @@ pub enum ReplayError {
         /// The wheel odometry topic.
         topic: String,
     },
-    /// The topics name a robot that can't be.
+    /// The topics name an invalid robot.
     #[error("wheel odometry topic {topic:?}: {reason}; say which robot with --robot")]
     RobotRefused {
         /// The wheel odometry topic.
         topic: String,
-        /// What is wrong with its first chunk.
+        /// Fault of its first chunk.
         #[source]
         reason: RobotIdRefused,
     },
-    /// The connection's settings can't be.
+    /// The connection's settings are invalid.
     #[error(transparent)]
     Setting(#[from] SessionError),
-    /// Nobody answers at the endpoint.
+    /// The endpoint does not answer.
     #[error("no Zenoh router answers at {connection}: {reason}")]
     Connect {
-        /// Where it was looked for.
+        /// Endpoint or configuration.
         connection: String,
-        /// What Zenoh says.
+        /// Error of Zenoh.
         reason: String,
     },
-    /// Somebody answers, but no service listens to the robot's streams.
+    /// The endpoint answers, but no service subscribes to the robot's streams.
     #[error(
         "nobody listens to {key} after {seconds} s: is it the service's router, and does the robot's \
          configuration name the topic?"
@@ -52,27 +52,27 @@ pub enum ReplayError {
     NobodyListens {
         /// The stream's key.
         key: String,
-        /// How long was waited.
+        /// Time waited, s.
         seconds: f64,
     },
-    /// Zenoh refused to send or to declare something.
+    /// Zenoh refused a message or a declaration.
     #[error("{key}: {reason}")]
     Zenoh {
         /// The key.
         key: String,
-        /// What Zenoh says.
+        /// Error of Zenoh.
         reason: String,
     },
-    /// The service's answer on its progress is no progress.
+    /// The service's answer about its progress is invalid.
     #[error("{key}: the answer is no progress: {reason}")]
     ProgressRefused {
         /// The key.
         key: String,
-        /// What is wrong with it.
+        /// Fault of the answer.
         #[source]
         reason: serde_json::Error,
     },
-    /// The service answers nothing about this robot.
+    /// The service does not answer about this robot.
     #[error(
         "the service says nothing of its progress with {robot} for {seconds} s ({sent} messages \
          were sent): does it run, and does it know the robot's vehicle?"
@@ -80,12 +80,12 @@ pub enum ReplayError {
     NoProgress {
         /// The robot.
         robot: RobotId,
-        /// How long.
+        /// Time waited, s.
         seconds: f64,
-        /// How many messages were sent.
+        /// Number of sent messages.
         sent: u64,
     },
-    /// The service stopped working through what it gets.
+    /// The service stopped processing the messages.
     #[error(
         "the service has not moved on with {robot} for {seconds} s: {outstanding} of {sent} \
          messages are not worked through"
@@ -93,11 +93,11 @@ pub enum ReplayError {
     Stalled {
         /// The robot.
         robot: RobotId,
-        /// How long.
+        /// Time waited, s.
         seconds: f64,
-        /// How many messages were sent.
+        /// Number of sent messages.
         sent: u64,
-        /// How many of them are missing.
+        /// Number of unprocessed ones.
         outstanding: u64,
     },
     /// A thread of the replay ended early.
@@ -106,8 +106,8 @@ pub enum ReplayError {
 }
 
 impl ReplayError {
-    /// The command's exit status: 2 for what the caller can mend, 65 for a recording that can't
-    /// be used, 74 for the connection.
+    /// Returns the command's exit status: 2 for errors that the caller can correct, 65 for a
+    /// recording that can't be used, 74 for the connection.
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Recording(error) => error.exit_status(),

@@ -12,12 +12,12 @@ use zenoh::qos::CongestionControl;
 
 use super::{ReplayError, ReplayOptions};
 
-/// How long one question for the progress may take.
+/// Timeout of one query for the progress.
 const PROGRESS_TIMEOUT: Duration = Duration::from_secs(2);
-/// Pause between two looks for a listener.
+/// Pause between two checks for a listener.
 const LISTENER_POLL: Duration = Duration::from_millis(10);
 
-/// Where the messages of one topic go.
+/// Path of the messages of one topic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Lane {
     /// The topic in the recording.
@@ -26,11 +26,11 @@ pub(super) struct Lane {
     pub(super) key: String,
     /// The encoding in Zenoh.
     pub(super) encoding: String,
-    /// Whether it tells how the vehicle drives.
+    /// True for a stream of the wheel odometry.
     pub(super) is_wheel_odometry: bool,
 }
 
-/// A robot's session: its streams, its token, and the question for the service's progress.
+/// A robot's session: its streams, its token, and the query for the service's progress.
 #[derive(Debug)]
 pub(super) struct Link {
     session: zenoh::Session,
@@ -83,19 +83,19 @@ impl Link {
         })
     }
 
-    /// Whose session it is.
+    /// Returns the id of the robot.
     pub(super) fn robot(&self) -> &RobotId {
         &self.robot
     }
 
-    /// The lane of a topic, and whether it is one of the wheel odometry.
+    /// Returns the lane of a topic, and whether it is one of the wheel odometry.
     pub(super) fn lane(&self, topic: &str) -> Option<(usize, bool)> {
         let lanes = self.streams.iter().map(|(lane, _)| lane);
         let found = lanes.enumerate().find(|(_, lane)| lane.topic == topic);
         found.map(|(place, lane)| (place, lane.is_wheel_odometry))
     }
 
-    /// Waits until somebody listens to all streams: what is sent before that is lost.
+    /// Waits until all streams have a subscriber: earlier messages are lost.
     pub(super) async fn wait_for_listeners(&self, timeout: Duration) -> Result<(), ReplayError> {
         let started = Instant::now();
         for (_, publisher) in &self.streams {
@@ -130,7 +130,7 @@ impl Link {
             .map_err(at_key(publisher.key_expr().as_str()))
     }
 
-    /// The service's progress with the robot; `None` when it does not answer.
+    /// Queries the service's progress with the robot; `None` without an answer.
     pub(super) async fn progress(&self) -> Result<Option<Progress>, ReplayError> {
         let key = &self.progress_key;
         let asked = self.session.get(key).timeout(PROGRESS_TIMEOUT);
@@ -147,7 +147,7 @@ impl Link {
         Ok(None)
     }
 
-    /// Takes the robot's token back and ends the session.
+    /// Undeclares the robot's token and ends the session.
     pub(super) async fn close(self) -> Result<(), ReplayError> {
         self.token
             .undeclare()

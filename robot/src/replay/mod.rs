@@ -30,53 +30,53 @@ use link::{Lane, Link};
 
 /// Messages that are read ahead from the file.
 const READ_AHEAD_MAX: usize = 256;
-/// The ROS domain as which topics are sent that have no key of ours.
+/// ROS domain in the keys of topics that have no key of ours.
 const ROS_DOMAIN: u32 = 0;
-/// First pause between two looks at the service's progress.
+/// First pause between two queries for the service's progress.
 const POLL_FIRST: Duration = Duration::from_millis(1);
-/// Longest pause between two looks at the service's progress.
+/// Longest pause between two queries for the service's progress.
 const POLL_LONGEST: Duration = Duration::from_millis(50);
 
-/// A service that was silent and then moves no further for so long has lost what was on the way.
+/// Time without progress after which a service that was silent counts as having lost the messages
+/// in flight.
 const LOST_AFTER: Duration = Duration::from_secs(2);
 
-/// How far a replay got.
+/// Progress of a replay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReplayProgress {
     /// Messages sent so far.
     pub sent: u64,
     /// Messages to send in all.
     pub total: u64,
-    /// Milliseconds of recording that were sent.
+    /// Sent part of the recording, ms.
     pub recording_ms: u64,
 }
 
-/// What a replay did.
+/// Summary of a replay.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReplaySummary {
-    /// As whom.
+    /// Id of the robot.
     pub robot: RobotId,
     /// Drive samples sent.
     pub drive_samples: u64,
     /// Scans or LiDAR poses sent.
     pub scans: u64,
-    /// Messages that the service gave up because its mailbox was full, as it says itself.
+    /// Messages that the service dropped because its mailbox was full, by its own report.
     pub dropped: u64,
-    /// Messages that were on the way when the service was restarted: lost with it, or counted
-    /// by nobody.
+    /// Messages in flight when the service was restarted: lost with it, or counted by nobody.
     pub unconfirmed: u64,
-    /// How long it took, from the first message until the service had worked through the last.
+    /// Duration, from the first message until the service had processed the last.
     pub duration: Duration,
 }
 
-/// Streams a recording and waits until the service has worked through it. Needs a tokio runtime
-/// with more than one thread, as Zenoh does.
+/// Streams a recording and waits until the service has processed it. Needs a tokio runtime with
+/// more than one thread, as Zenoh does.
 ///
 /// `on_progress` is called after every message.
 ///
 /// # Errors
-/// When the recording or its topics can't be used, nobody can be reached or listens, or the
-/// service stops working through what it gets.
+/// The recording or its topics can't be used, the service can't be reached or does not subscribe,
+/// or it stops processing.
 pub async fn replay(
     options: ReplayOptions,
     mut on_progress: impl FnMut(ReplayProgress) + Send,
@@ -125,7 +125,7 @@ pub async fn replay(
     })
 }
 
-/// The robot asked for, or the one that the topics name.
+/// Returns the requested robot, or the one that the topics name.
 fn robot_of(options: &ReplayOptions, topics: &Topics) -> Result<RobotId, ReplayError> {
     if let Some(robot) = &options.robot {
         return Ok(robot.clone());
@@ -141,8 +141,8 @@ fn robot_of(options: &ReplayOptions, topics: &Topics) -> Result<RobotId, ReplayE
     RobotId::parse(named).map_err(refused)
 }
 
-/// Where each topic's messages go. Steering and speed that come apart have no key of ours: they go
-/// as `rmw_zenoh` sends them.
+/// Returns the lane of each topic. Separate steering and speed have no key of ours: they are sent
+/// in the form of `rmw_zenoh`.
 fn lanes(options: &ReplayOptions, robot: &RobotId, topics: &Topics) -> Vec<Lane> {
     let own = |channel: &Channel, kind, usual| {
         let mut form = channel.form();
@@ -214,7 +214,7 @@ fn read_ahead(
     receiver
 }
 
-/// One recording on its way.
+/// A recording being sent.
 struct Sender {
     link: Link,
     options: ReplayOptions,
@@ -225,7 +225,7 @@ struct Sender {
 }
 
 impl Sender {
-    /// Sends one message when its time has come and the service has room for it.
+    /// Sends one message when it is due and the service has room for it.
     async fn send(&mut self, message: RecordedMessage) -> Result<ReplayProgress, ReplayError> {
         let elapsed_ns = message.log_time_ns.saturating_sub(self.start_ns);
         if let Some(after) = self.options.rate.after(Duration::from_nanos(elapsed_ns)) {
@@ -255,7 +255,7 @@ impl Sender {
         self.wait(Window::is_done).await
     }
 
-    /// Asks for the service's progress until the window is as it should be.
+    /// Queries the service's progress until the window satisfies `ready`.
     async fn wait(&mut self, ready: impl Fn(&Window) -> bool) -> Result<(), ReplayError> {
         let mut pause = POLL_FIRST;
         let mut advanced_at = Instant::now();
@@ -287,7 +287,7 @@ impl Sender {
         Ok(())
     }
 
-    /// Goes on with a service that was away: what was on the way is given up.
+    /// Continues with a service that was away: the messages in flight are abandoned.
     async fn resume(&mut self) -> Result<(), ReplayError> {
         self.link
             .wait_for_listeners(self.options.stall_timeout)

@@ -10,16 +10,16 @@ use thiserror::Error;
 use crate::connection::Connection;
 use crate::recording::AskedTopics;
 
-/// How fast a recording is sent.
+/// Speed of a replay.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rate {
-    /// So many times as fast as it was recorded.
+    /// Multiple of the recorded speed.
     Times(f64),
-    /// As fast as the service works.
+    /// Speed at which the service processes.
     Max,
 }
 
-/// Why a text is no rate.
+/// Reason for which a text is not a rate.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("rate: got {text:?}, expected a number from 0.001 to 1000000, or max")]
 pub struct RateRefused {
@@ -28,8 +28,8 @@ pub struct RateRefused {
 }
 
 impl Rate {
-    /// How long after the first message one follows that was logged so much later; `None` when it
-    /// need not wait.
+    /// Returns the delay after the first message for one that was logged this much later; `None`
+    /// without a wait.
     pub(super) fn after(self, logged_later: Duration) -> Option<Duration> {
         match self {
             Self::Max => None,
@@ -56,41 +56,41 @@ impl FromStr for Rate {
     }
 }
 
-/// Whether a sender waits for the service.
+/// Pacing of a sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Pacing {
-    /// It never runs further ahead than the robot's mailbox holds.
+    /// The sender never runs further ahead than the robot's mailbox holds.
     #[default]
     ByProgress,
-    /// It sends on, and the service drops what it can't hold.
+    /// The sender never waits, and the service drops the excess.
     Unpaced,
 }
 
-/// What to send where.
+/// Options of a replay.
 #[derive(Debug, Clone)]
 pub struct ReplayOptions {
     /// The MCAP file.
     pub recording: PathBuf,
-    /// Where the service is.
+    /// Connection to the service.
     pub connect: Connection,
-    /// As which robot; the first chunk of the wheel odometry topic when `None`.
+    /// Id of the robot; the first chunk of the wheel odometry topic if `None`.
     pub robot: Option<RobotId>,
-    /// How fast.
+    /// Speed of the replay.
     pub rate: Rate,
-    /// Whether to wait for the service.
+    /// Pacing of the replay.
     pub pacing: Pacing,
-    /// The topics to send, where more than one would do.
+    /// Topics to send, if more than one is suitable.
     pub topics: AskedTopics,
-    /// The keys to send under.
+    /// Keys to send under.
     pub keys: Keys,
-    /// How long to wait for the connection, and for somebody who listens.
+    /// Wait for the connection, and for subscribers.
     pub connect_timeout: Duration,
-    /// How long the service may work through nothing before the replay is given up.
+    /// Time without progress of the service after which the replay is abandoned.
     pub stall_timeout: Duration,
 }
 
 impl ReplayOptions {
-    /// A paced replay at the speed it was recorded, under the default keys.
+    /// Makes a paced replay at the recorded speed, under the default keys.
     pub fn new(recording: PathBuf, connect: impl Into<Connection>) -> Self {
         Self {
             recording,

@@ -2,21 +2,21 @@
 
 use fleetcal_proto::progress::Progress;
 
-/// Most drive samples on the way: half of what a robot's mailbox holds, because a service that
+/// Most drive samples in flight: half of what a robot's mailbox holds, because a service that
 /// restarts may hold as many again that it has not reported.
 pub const AHEAD_DRIVE_SAMPLES_MAX: u64 = 512;
-/// Most scans or LiDAR poses on the way, likewise.
+/// Most scans or LiDAR poses in flight, likewise.
 pub const AHEAD_SCANS_MAX: u64 = 4;
 
-/// What was sent, against what the service says it has worked through.
+/// Difference between the sent messages and those that the service reports as processed.
 ///
-/// The service counts from its own start, so its first report is the zero. When its counts fall,
-/// it was restarted: what was on the way then is lost or counted already, and the window is
-/// empty again.
+/// The service counts from its own start, so its first report is the zero. When its counts fall, it
+/// was restarted: the messages in flight then are lost or counted already, and the window is empty
+/// again.
 #[derive(Debug, Clone)]
 pub struct Window {
     sent: Sent,
-    /// What had been sent when the service's present counts began.
+    /// Messages sent before the service's present counts began.
     sent_before: Sent,
     zero: Progress,
     latest: Progress,
@@ -24,10 +24,10 @@ pub struct Window {
     unconfirmed: u64,
 }
 
-/// What a report of the service says beside the one before.
+/// Change of the service's report against the one before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Report {
-    /// The service worked through something.
+    /// The service processed something.
     MovedOn,
     /// The counts are the same.
     Unmoved,
@@ -48,8 +48,8 @@ impl Sent {
 }
 
 impl Window {
-    /// An empty window; `progress` is the service's report before anything was sent, if it knows
-    /// the robot.
+    /// Makes an empty window; `progress` is the service's report before the first message, if it
+    /// knows the robot.
     pub fn new(progress: Option<Progress>) -> Self {
         let zero = progress.unwrap_or_default();
         let none = Sent::default();
@@ -63,7 +63,7 @@ impl Window {
         }
     }
 
-    /// Whether one more message may be sent.
+    /// True if one more message may be sent.
     pub fn has_room(&self, is_wheel_odometry: bool) -> bool {
         if is_wheel_odometry {
             self.drive_samples_ahead() < AHEAD_DRIVE_SAMPLES_MAX
@@ -81,7 +81,7 @@ impl Window {
         }
     }
 
-    /// Takes the service's report.
+    /// Compares the service's report with the one before.
     pub fn report(&mut self, progress: Progress) -> Report {
         let counts = |report: &Progress| [report.drive_samples, report.scans, report.dropped];
         let (before, now) = (counts(&self.latest), counts(&progress));
@@ -97,7 +97,7 @@ impl Window {
         }
     }
 
-    /// Gives up what is on the way: the service counts again from `progress`.
+    /// Abandons the messages in flight: the service counts again from `progress`.
     pub fn restart(&mut self, progress: Progress) {
         self.unconfirmed += self.outstanding();
         self.dropped_before = self.dropped();
@@ -105,38 +105,38 @@ impl Window {
         (self.zero, self.latest) = (progress, progress);
     }
 
-    /// Whether the service is done with everything that was sent.
+    /// True if the service has processed all sent messages.
     pub fn is_done(&self) -> bool {
         self.outstanding() == 0
     }
 
-    /// How many messages are on the way or wait.
+    /// Returns the number of messages in flight or waiting.
     pub fn outstanding(&self) -> u64 {
         let done = self.drive_samples_done() + self.scans_done() + self.dropped_now();
         (self.sent.sum() - self.sent_before.sum()).saturating_sub(done)
     }
 
-    /// How many messages were sent.
+    /// Returns the number of sent messages.
     pub fn sent(&self) -> u64 {
         self.sent.sum()
     }
 
-    /// How many drive samples were sent.
+    /// Returns the number of sent drive samples.
     pub fn sent_drive_samples(&self) -> u64 {
         self.sent.drive_samples
     }
 
-    /// How many scans or LiDAR poses were sent.
+    /// Returns the number of sent scans or LiDAR poses.
     pub fn sent_scans(&self) -> u64 {
         self.sent.scans
     }
 
-    /// How many messages the service dropped since the window was made.
+    /// Returns the number of messages that the service dropped since the window was made.
     pub fn dropped(&self) -> u64 {
         self.dropped_before + self.dropped_now()
     }
 
-    /// How many messages were on the way when the service was restarted: lost with it, or
+    /// Returns the number of messages in flight when the service was restarted: lost with it, or
     /// counted by nobody.
     pub fn unconfirmed(&self) -> u64 {
         self.unconfirmed

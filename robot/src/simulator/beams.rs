@@ -12,20 +12,20 @@ const HEIGHT_M: f64 = 0.2;
 /// Neighbours whose ranges differ by more than this are on two surfaces, m.
 const EDGE_M: f64 = 0.15;
 
-/// Where a beam of a tilted scanner points.
+/// Direction of a beam of a tilted scanner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Aim {
     /// Turn of its heading over the floor by the tilt, rad.
     pub turned_rad: f64,
     /// Length over the floor of each metre of the beam.
     horizontal: f64,
-    /// How far it goes down on each metre; negative for up.
+    /// Descent on each metre of the beam; negative for up.
     down: f64,
 }
 
 impl Aim {
-    /// What the beam meets along itself: what stands at `met` over the floor, or the floor before
-    /// it.
+    /// Returns the hit along the beam itself: the obstacle `met` over the floor, or the floor
+    /// before it.
     pub fn along(self, met: Met) -> Met {
         let floor_m = HEIGHT_M / self.down;
         let range_m = met.range_m / self.horizontal;
@@ -39,7 +39,7 @@ impl Aim {
     }
 }
 
-/// The beams with their imperfections.
+/// Beams with their imperfections.
 #[derive(Debug)]
 pub(super) struct Beams {
     imperfections: ScannerImperfections,
@@ -56,9 +56,9 @@ impl Beams {
         }
     }
 
-    /// Where the beam at an angle of the LiDAR's frame points. Its part along the tilt's direction,
-    /// `p = cos(angle - direction)`, becomes `p·cos(tilt)` over the floor and `p·sin(tilt)` down;
-    /// the part across it, `q`, stays.
+    /// Returns the direction of the beam at an angle of the LiDAR's frame. Its part along the
+    /// tilt's direction, `p = cos(angle - direction)`, becomes `p·cos(tilt)` over the floor and
+    /// `p·sin(tilt)` down; the part across it, `q`, stays.
     pub fn aim(&self, angle_rad: f64) -> Aim {
         let ScannerImperfections {
             tilt_rad,
@@ -81,7 +81,7 @@ impl Beams {
         }
     }
 
-    /// Lets beams at the edge of two surfaces show a range between them.
+    /// Mixes the ranges of beams at the edge of two surfaces.
     pub fn mix(&mut self, met: &mut [Met]) {
         let probability = self.imperfections.mixed_pixels;
         if probability <= 0.0 {
@@ -96,8 +96,8 @@ impl Beams {
         }
     }
 
-    /// The range that a beam shows without noise, m:
-    /// `(1 + scale)·r + bias + incidence_bias·(1 - cos(incidence))/(1 - cos(60°))`.
+    /// Returns the range of a beam without noise, m: `(1 + scale)·r + bias + incidence_bias·(1 -
+    /// cos(incidence))/(1 - cos(60°))`.
     pub fn shown_m(&self, met: &Met) -> f64 {
         let incidence = (1.0 - met.cos_incidence) / (1.0 - INCIDENCE_REFERENCE_RAD.cos());
         (1.0 + self.range_scale) * met.range_m

@@ -10,7 +10,7 @@ use super::lidar::{BEAMS_MAX, BEAMS_MIN, LidarSettings};
 use super::people::PEOPLE_MAX;
 use super::pose_sensor::PoseSettings;
 
-/// A setting that cannot be.
+/// Error of an impossible setting.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{field}: got {value}, expected {accepted}")]
 pub struct SettingRefused {
@@ -18,18 +18,18 @@ pub struct SettingRefused {
     pub field: &'static str,
     /// Its value.
     pub value: f64,
-    /// What would have been accepted.
+    /// Accepted values.
     pub accepted: &'static str,
 }
 
-/// A setting, its value, what is accepted, and the same in words.
+/// A setting, its value, the accepted range, and the same in words.
 pub(super) type Setting = (&'static str, f64, RangeInclusive<f64>, &'static str);
 
 impl SimulationConfig {
     /// Checks every number.
     ///
     /// # Errors
-    /// Names the first setting that cannot be.
+    /// Names the first impossible setting.
     pub fn check(&self) -> Result<(), SettingRefused> {
         self.check_vehicle()?;
         self.check_mounts()?;

@@ -14,16 +14,16 @@ use super::route::Route;
 use super::vehicle::VehicleTruth;
 use super::world::World;
 
-/// The calibration a robot has applied: what it believes about itself.
+/// Calibration that a robot has applied and drives with.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Applied {
     /// Steering offset that it subtracts from its measured steering, rad.
     pub steering_offset_rad: f64,
-    /// Pose of the LiDAR in `base` by which it knows where it is.
+    /// Pose of the LiDAR in `base` from which it computes its own.
     pub lidar_in_base: Pose2,
 }
 
-/// How fast the robot drives: at rest first, then up and down between two speeds, slower in bends.
+/// Speed of the robot: at rest first, then up and down between two speeds, slower in bends.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SpeedProfile {
     /// Time at rest at the start, s.
@@ -50,13 +50,13 @@ impl Default for SpeedProfile {
     }
 }
 
-/// How well the robot knows where its LiDAR is. Without any noise its wheel would stand still on a
-/// straight, and all that a coarse steering encoder shows there would be one wrong number.
+/// Noise of the robot's localisation. Without any its wheel would stand still on a straight, and a
+/// coarse steering encoder would show a single wrong number there.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LocalisationNoise {
     /// Standard deviation of each coordinate, again ten times a second, m.
     pub position_sigma_m: f64,
-    /// The same of the heading, rad.
+    /// Standard deviation of the heading, rad.
     pub yaw_sigma_rad: f64,
 }
 
@@ -69,7 +69,7 @@ impl Default for LocalisationNoise {
     }
 }
 
-/// Something on the vehicle that changes.
+/// Change of the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Change {
@@ -83,29 +83,29 @@ pub enum Change {
     MountYawDrift(f64),
 }
 
-/// A change and when it happens.
+/// A change and its time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ScheduledChange {
     /// Time from the start of the simulation, s.
     pub at_s: f64,
-    /// What changes.
+    /// The change.
     pub change: Change,
 }
 
-/// What the robot tells about its LiDAR.
+/// LiDAR stream that the robot sends.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LidarOutput {
     /// Raw scans.
     Scans(LidarSettings),
-    /// Poses of its own odometry: no ray is cast.
+    /// Poses of its own odometry, without any ray casting.
     Poses(PoseSettings),
 }
 
-/// Everything about one simulated robot. The same configuration gives the same messages.
+/// Configuration of one simulated robot. The same configuration gives the same messages.
 #[derive(Debug, Clone)]
 pub struct SimulationConfig {
-    /// Where all randomness comes from.
+    /// Seed of all randomness.
     pub seed: u64,
     /// Message time at the start, ns since 1970.
     pub start_stamp_ns: i64,
@@ -113,29 +113,29 @@ pub struct SimulationConfig {
     pub world: Arc<World>,
     /// People who walk about.
     pub people: PeopleSettings,
-    /// The vehicle as it is.
+    /// The vehicle's true parameters.
     pub vehicle: VehicleTruth,
     /// The calibration the robot starts with.
     pub applied: Applied,
-    /// What it drives.
+    /// Its route.
     pub route: Route,
-    /// How fast.
+    /// Its speed.
     pub speed: SpeedProfile,
-    /// How well it knows where it is.
+    /// Noise of its localisation.
     pub localisation: LocalisationNoise,
     /// Its wheel odometry.
     pub drive: DriveSettings,
     /// Its LiDAR stream.
     pub lidar: LidarOutput,
-    /// What changes on the way.
+    /// Changes during the drive.
     pub changes: Vec<ScheduledChange>,
-    /// What the model of a robot does not know of this one.
+    /// Imperfections that the model of a robot does not cover.
     pub imperfections: Imperfections,
 }
 
 impl SimulationConfig {
-    /// A tugger on the figure-eight in the warehouse's staging area with three people, in mint
-    /// condition: the scene of the project's figures.
+    /// Makes a tugger on the figure-eight in the warehouse's staging area with three people, in
+    /// mint condition: the scene of the project's figures.
     pub fn figure_eight(seed: u64) -> Self {
         let vehicle = VehicleTruth::default();
         let applied = Applied {
@@ -162,13 +162,13 @@ impl SimulationConfig {
         }
     }
 
-    /// The wheelbase that its owner knows, m: what a calibration is told and the robot follows its
-    /// path with.
+    /// Returns the wheelbase that its owner knows, m: a calibration is configured with it and the
+    /// robot follows its path by it.
     pub fn configured_wheelbase_m(&self) -> f64 {
         self.vehicle.wheelbase_m * (1.0 + self.imperfections.vehicle.wheelbase)
     }
 
-    /// The same with the settings that an imperfection takes the place of.
+    /// Returns the configuration with the settings that an imperfection replaces.
     pub(super) fn with_imperfect_settings(mut self) -> Self {
         let imperfections = &self.imperfections;
         if let Some(scan_rate_hz) = imperfections.lidar.scan_rate_hz {

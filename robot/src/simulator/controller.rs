@@ -15,26 +15,26 @@ use super::vehicle::Command;
 const LATERAL_GAIN_PER_M2: f64 = 0.8;
 /// Curvature for each radian off its heading, 1/m: critically damped along the way.
 const HEADING_GAIN_PER_M: f64 = 1.8;
-/// Largest error that is steered against at once, m.
+/// Largest error that is corrected at once, m.
 const LATERAL_ERROR_MAX_M: f64 = 0.6;
-/// How far ahead in time the route's own curvature is taken, against the actuator's lag, s.
+/// Preview of the route's own curvature against the actuator's lag, s.
 const PREVIEW_S: f64 = 0.1;
-/// Largest lateral acceleration a route is driven with, m/s².
+/// Largest lateral acceleration on a route, m/s².
 const LATERAL_ACCELERATION_MAX_MPS2: f64 = 0.7;
-/// Where on the way ahead the curvature limits the speed, m.
+/// Distances ahead at which the curvature limits the speed, m.
 const CURVATURE_AHEAD_M: [f64; 3] = [0.0, 0.6, 1.2];
 
 /// Fastest speed backwards, m/s.
 const REVERSE_SPEED_MAX_MPS: f64 = 0.5;
-/// A robot this near to where it turns back is there, m.
+/// Distance from a turning point within which a robot has reached it, m.
 const THERE_M: f64 = 0.02;
-/// A robot slower than this stands, m/s.
+/// Speed below which a robot stands, m/s.
 const STANDS_MPS: f64 = 0.02;
 
 /// Commands from one fix of the localisation to the next.
 const COMMANDS_PER_LOCALISATION: u32 = 5;
 
-/// Which way the robot drives along its route.
+/// Direction of the robot along its route.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Gear {
     Forwards,
@@ -44,7 +44,7 @@ enum Gear {
     },
 }
 
-/// Follows a route: its curvature fed forward, lateral and heading error fed back. There is no
+/// Follower of a route: its curvature fed forward, lateral and heading error fed back. There is no
 /// integral part, so that a steering offset keeps the robot beside its route.
 #[derive(Debug)]
 pub(super) struct Controller {
@@ -59,7 +59,7 @@ pub(super) struct Controller {
     noise: LocalisationNoise,
     random: ChaCha8Rng,
     commands: u32,
-    /// What the localisation is off by now, in the LiDAR's frame.
+    /// Present error of the localisation, in the LiDAR's frame.
     off: Pose2,
     believed_along_m: f64,
     believed_left_m: f64,
@@ -88,18 +88,18 @@ impl Controller {
         }
     }
 
-    /// How far the robot believes it is to the left of its route, m.
+    /// Returns the robot's own estimate of its distance to the left of its route, m.
     pub fn believed_left_m(&self) -> f64 {
         self.believed_left_m
     }
 
-    /// How far it really is to the left of its route, m.
+    /// Returns its true distance to the left of its route, m.
     pub fn true_left_m(&self) -> f64 {
         self.true_left_m
     }
 
-    /// The command for the next interval. The robot knows where its LiDAR is and works out its base
-    /// by the mount it believes in; it corrects the steering by the offset it believes in.
+    /// Returns the command for the next interval. The robot knows its LiDAR's pose and computes its
+    /// base by the applied mount; it corrects the steering by the applied offset.
     pub fn command(
         &mut self,
         base: &Pose2,
@@ -160,7 +160,7 @@ impl Controller {
         self.commands = self.commands.wrapping_add(1);
     }
 
-    /// Way left to where the robot turns back or goes on, m; 0 when it is there.
+    /// Returns the remaining way to where the robot turns back or continues, m; 0 on arrival.
     fn until_shift_m(&self) -> Option<f64> {
         let left_m = match self.gear {
             Gear::Forwards => self.route.reversal(self.reversals)?.at_m - self.believed_along_m,
@@ -169,7 +169,7 @@ impl Controller {
         Some(if left_m < THERE_M { 0.0 } else { left_m })
     }
 
-    /// Changes the gear of a robot that stands where it has to.
+    /// Changes the gear of a robot that stands at its turning point.
     fn shift(&mut self) {
         let there = self.until_shift_m().is_some_and(|left_m| left_m <= 0.0);
         if !there || self.speed_mps.abs() > STANDS_MPS {

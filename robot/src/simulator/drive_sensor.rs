@@ -12,7 +12,7 @@ use super::random::{Stream, stream};
 use super::steering_curve::SteeringCurve;
 use super::vehicle::{Motion, VehicleTruth};
 
-/// Slower than this the wheels stand and an encoder shows no noise, m/s.
+/// Speed below which the wheels stand and an encoder shows no noise, m/s.
 const STANDSTILL_MPS: f64 = 1e-3;
 
 /// The wheel odometry's settings.
@@ -20,11 +20,11 @@ const STANDSTILL_MPS: f64 = 1e-3;
 pub struct DriveSettings {
     /// Samples in a second; the interval must be a whole number of milliseconds.
     pub rate_hz: f64,
-    /// Standard deviation of a speed, m/s; none at rest.
+    /// Standard deviation of a speed, m/s; 0 at rest.
     pub speed_sigma_mps: f64,
     /// Standard deviation of a steering angle before it is quantised, rad.
     pub steering_sigma_rad: f64,
-    /// Step of the steering encoder, rad; 0 for none.
+    /// Step of the steering encoder, rad; 0 for a continuous one.
     pub steering_step_rad: f64,
 }
 
@@ -39,7 +39,7 @@ impl Default for DriveSettings {
     }
 }
 
-/// Gathers an interval's motion and measures it.
+/// Sensor that averages an interval's motion and measures it.
 #[derive(Debug)]
 pub(super) struct DriveSensor {
     settings: DriveSettings,
@@ -47,13 +47,13 @@ pub(super) struct DriveSensor {
     speed_sum_mps: f64,
     steering_sum_rad: f64,
     steps: u32,
-    /// Shown angles of the steps that are still on their way, the oldest first, rad.
+    /// Shown angles of the steps still in delay, the oldest first, rad.
     delayed_rad: VecDeque<f64>,
     delay_steps: usize,
 }
 
 impl DriveSensor {
-    /// `delay_steps`: how many steps of the motion an angle shows late.
+    /// Makes the sensor; `delay_steps` is the delay of an angle, in steps of the motion.
     pub fn new(settings: DriveSettings, delay_steps: usize, seed: u64) -> Self {
         Self {
             settings,
@@ -80,7 +80,7 @@ impl DriveSensor {
         self.steps += 1;
     }
 
-    /// The angle that shows now: the one of `delay_steps` ago, or the first one until then.
+    /// Returns the angle that shows now: the one of `delay_steps` ago, or the first one until then.
     fn late(&mut self, shown_rad: f64) -> f64 {
         self.delayed_rad.push_back(shown_rad);
         if self.delayed_rad.len() > self.delay_steps {
@@ -89,7 +89,7 @@ impl DriveSensor {
         self.delayed_rad.front().copied().unwrap_or(shown_rad)
     }
 
-    /// The sample of the interval that ends at `time_ns` of simulated time.
+    /// Returns the sample of the interval that ends at `time_ns` of simulated time.
     pub fn sample(&mut self, vehicle: &VehicleTruth, time_ns: i64) -> DriveSample {
         let steps = f64::from(self.steps.max(1));
         let speed_mps = self.speed_sum_mps / steps;

@@ -32,17 +32,17 @@ pub struct LidarSettings {
     /// Angle the beams cover, rad; a full turn at most. A narrower view is centred on x and takes
     /// its part of the turn's time.
     pub field_of_view_rad: f64,
-    /// Whether the beams run clockwise: the first at the largest angle, negative increment.
+    /// True if the beams run clockwise: the first at the largest angle, negative increment.
     pub clockwise: bool,
-    /// Whether all beams are taken at the stamp (`time_increment` 0) instead of one by one.
+    /// True if all beams are measured at the stamp (`time_increment` 0) instead of one by one.
     pub instantaneous: bool,
-    /// Nearer than this is no return, m.
+    /// Range below which a beam has no return, m.
     pub range_min_m: f64,
-    /// Farther than this is no return, m.
+    /// Range above which a beam has no return, m.
     pub range_max_m: f64,
     /// Standard deviation of a range, m.
     pub range_sigma_m: f64,
-    /// Part of the beams that return nothing for no reason, 0 to 1.
+    /// Share of the beams that randomly return nothing, 0 to 1.
     pub dropped_beams: f64,
     /// Time from the start of the simulation to the first beam, s.
     pub phase_s: f64,
@@ -66,12 +66,12 @@ impl Default for LidarSettings {
 }
 
 impl LidarSettings {
-    /// Time from one scan's first beam to the next one's, ns.
+    /// Returns the time from one scan's first beam to the next one's, ns.
     pub(super) fn period_ns(&self) -> i64 {
         (1e9 / self.rate_hz).round() as i64
     }
 
-    /// Time from one beam to the next, s.
+    /// Returns the time from one beam to the next, s.
     pub fn time_increment_s(&self) -> f64 {
         if self.instantaneous {
             return 0.0;
@@ -79,17 +79,17 @@ impl LidarSettings {
         self.field_of_view_rad / TAU / self.rate_hz / f64::from(self.beams)
     }
 
-    /// Time from a scan's first beam to the moment its last one is in, ns.
+    /// Returns the time from a scan's first beam to its end, ns.
     pub(super) fn duration_ns(&self) -> i64 {
         (self.time_increment_s() * f64::from(self.beams) * 1e9).round() as i64
     }
 
-    /// Time from a scan's first beam to its middle, which its pose is given for, ns.
+    /// Returns the time from a scan's first beam to its middle, the time of its pose, ns.
     pub(super) fn reference_ns(&self) -> i64 {
         (0.5e9 * self.time_increment_s() * f64::from(self.beams - 1)).round() as i64
     }
 
-    /// Angle of the first beam and from one beam to the next, rad.
+    /// Returns the angle of the first beam and that from one beam to the next, rad.
     pub fn angles_rad(&self) -> (f64, f64) {
         let full = self.field_of_view_rad > TAU - 1e-6;
         let gaps = if full { self.beams } else { self.beams - 1 };
@@ -139,8 +139,8 @@ impl Lidar {
         }
     }
 
-    /// The scan whose first beam is at `time_ns` of simulated time; the track must reach to its
-    /// end.
+    /// Makes the scan whose first beam is at `time_ns` of simulated time; the track must reach to
+    /// its end.
     pub fn scan(&mut self, world: &World, crowd: &mut Crowd, track: &Track, time_ns: i64) -> Scan {
         let settings = self.settings;
         let beams = settings.beams as usize;
@@ -179,7 +179,7 @@ impl Lidar {
         self.shown(time_ns)
     }
 
-    /// The scan as it is sent: what its beams met, with all that the scanner adds.
+    /// Makes the scan as it is sent: the hits of its beams, with all effects of the scanner.
     fn shown(&mut self, time_ns: i64) -> Scan {
         let settings = self.settings;
         let (angle_min_rad, angle_increment_rad) = settings.angles_rad();
@@ -272,12 +272,12 @@ impl Lidar {
     }
 }
 
-/// Bearing of a point in the sensor's frame, rad.
+/// Returns the bearing of a point in the sensor's frame, rad.
 fn bearing_rad(sensor: &Pose2, point: Point) -> f64 {
     (point.y_m - sensor.y_m).atan2(point.x_m - sensor.x_m) - sensor.yaw_rad
 }
 
-/// The beams within `half_rad` of a bearing.
+/// Returns the beams within `half_rad` of a bearing.
 fn beams_around(
     settings: &LidarSettings,
     bearing_rad: f64,

@@ -24,7 +24,7 @@ pub struct Scan {
     pub angle_min_rad: f64,
     /// Angle from one beam to the next, rad; negative for a clockwise scanner.
     pub angle_increment_rad: f64,
-    /// Time from one beam to the next, s; 0 when all are taken at once.
+    /// Time from one beam to the next, s; 0 for simultaneous beams.
     pub time_increment_s: f64,
     /// Time from one scan to the next, s.
     pub scan_time_s: f64,
@@ -32,7 +32,7 @@ pub struct Scan {
     pub range_min_m: f64,
     /// Longest range, m.
     pub range_max_m: f64,
-    /// Ranges, m, one a beam; infinite for no return.
+    /// Ranges, m, one a beam; infinite for a missing return.
     pub ranges_m: Vec<f32>,
 }
 
@@ -47,7 +47,7 @@ pub struct LidarPose {
     pub covariance: Option<[[f64; 3]; 3]>,
 }
 
-/// How far the robot believes it is beside its path.
+/// Robot's own estimate of its distance from its path.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CrossTrackError {
     /// Time, ns.
@@ -70,7 +70,7 @@ pub enum SimulatedMessage {
 }
 
 impl SimulatedMessage {
-    /// The message's own stamp, ns.
+    /// Returns the message's own stamp, ns.
     pub const fn stamp_ns(&self) -> i64 {
         match self {
             Self::WheelOdometry(drive) => drive.stamp_ns,
@@ -81,7 +81,7 @@ impl SimulatedMessage {
     }
 }
 
-/// How the robot really moved.
+/// True motion of the robot.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
     /// Time, ns, on the LiDAR's clock.
@@ -101,7 +101,7 @@ pub struct Truth {
 /// A message with the truth behind it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Emitted {
-    /// When the robot sends it on the simulated clock, ns: a scan only once its last beam is in.
+    /// Time of sending on the simulated clock, ns: a scan is sent only after its last beam.
     pub sent_ns: i64,
     /// The message.
     pub message: SimulatedMessage,
@@ -111,10 +111,10 @@ pub struct Emitted {
     pub truth_when_sent: Truth,
 }
 
-/// The parameters a calibration looks for, as they really are.
+/// True values of the parameters that a calibration estimates.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TrueParameters {
-    /// What the steering sensor shows when the wheel points straight ahead, rad.
+    /// Reading of the steering sensor when the wheel points straight ahead, rad.
     pub steering_offset_rad: f64,
     /// Pose of the LiDAR in `base`.
     pub lidar_in_base: Pose2,
@@ -122,7 +122,7 @@ pub struct TrueParameters {
     pub speed_scale: f64,
     /// Distance between the axles, m.
     pub wheelbase_m: f64,
-    /// How much later a motion shows in the wheel odometry than in the LiDAR's, s.
+    /// Delay of a motion in the wheel odometry against the LiDAR's, s.
     pub time_offset_s: f64,
     /// True steering angle over the measured one less its offset.
     pub steering_gain: f64,

@@ -34,6 +34,7 @@ mod track;
 mod vehicle;
 mod warehouse;
 mod world;
+mod wrong;
 
 pub use check::SettingRefused;
 pub use config::{
@@ -56,3 +57,4 @@ pub use shape::{Area, Pillar, Segment};
 pub use simulation::Simulation;
 pub use vehicle::{Slip, VehicleTruth};
 pub use world::World;
+pub use wrong::{Delivered, WrongInput, WrongInputs};

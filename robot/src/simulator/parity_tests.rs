@@ -11,7 +11,7 @@ use super::vehicle::{Command, Motion, Slip, VehicleTruth};
 const STEP_S: f64 = 0.001;
 const STEPS: usize = 200;
 
-/// What a vehicle does in one step.
+/// Motion of a vehicle in one step.
 #[derive(Debug, Clone, Copy)]
 struct Step {
     /// Speed of the rear axle's middle over the ground, and to its left.
@@ -131,8 +131,8 @@ proptest! {
         }
     }
 
-    /// Without forces forward and backward are one track; with them the rear axle drifts to the same side,
-    /// and what understeers forwards oversteers backwards.
+    /// Checks that without forces forward and backward are one track; with them the rear axle
+    /// drifts to the same side, and understeer forwards becomes oversteer backwards.
     #[test]
     fn the_reversed_drive_turns_as_before_and_slips_outwards(
         vehicle in vehicles(), imperfect in imperfections(), commands in commands(),
@@ -155,7 +155,8 @@ proptest! {
         }
     }
 
-    /// Each axle slides against the force on it, by its own angle for each m/s² of lateral acceleration.
+    /// Checks that each axle slides against the force on it, by its own angle for each m/s² of
+    /// lateral acceleration.
     #[test]
     fn both_axles_give_way_to_the_outside(
         vehicle in vehicles(), imperfect in imperfections(), commands in commands(),

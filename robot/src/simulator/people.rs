@@ -12,7 +12,7 @@ use super::shape::Area;
 
 /// Largest number of people in a simulation.
 pub const PEOPLE_MAX: usize = 60;
-/// Nobody comes nearer to the LiDAR than this, m: people step aside for a robot.
+/// Least distance of people from the LiDAR, m: they step aside for a robot.
 const KEEP_CLEAR_M: f64 = 0.9;
 /// Radius of a shin at the height of a LiDAR, m.
 const LEG_RADIUS_M: f64 = 0.07;
@@ -20,12 +20,12 @@ const LEG_RADIUS_M: f64 = 0.07;
 const CYLINDER_RADIUS_M: f64 = 0.22;
 /// Half the distance between the legs, m.
 const HALF_STANCE_M: f64 = 0.1;
-/// How far a leg swings to the front and back, m.
+/// Amplitude of a leg's swing to the front and back, m.
 const SWING_M: f64 = 0.28;
 /// Length of two steps, m.
 const STRIDE_M: f64 = 1.4;
 
-/// What a person looks like to the LiDAR.
+/// Shape of a person for the LiDAR.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum PersonShape {
     /// Two swinging legs.
@@ -38,9 +38,9 @@ pub enum PersonShape {
 /// The people in a world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct PeopleSettings {
-    /// How many; at most 60.
+    /// Number of people; at most 60.
     pub count: usize,
-    /// What they look like.
+    /// Their shape.
     pub shape: PersonShape,
 }
 
@@ -58,12 +58,12 @@ struct Walker {
     to: Point,
     start_s: f64,
     arrival_s: f64,
-    /// When the next leg begins: people stand for a while.
+    /// Start of the next leg of the way: people stand for a while.
     departure_s: f64,
     random: ChaCha8Rng,
 }
 
-/// Everybody in the world. Time must not run backwards.
+/// All people in the world. Time must not run backwards.
 #[derive(Debug)]
 pub(super) struct Crowd {
     walkers: Vec<Walker>,
@@ -91,7 +91,7 @@ impl Crowd {
         self.walkers.is_empty()
     }
 
-    /// Puts everybody's discs at a time into `discs`; always in the same order.
+    /// Puts the discs of all people at a time into `discs`; always in the same order.
     pub fn discs_at(&mut self, time_s: f64, lidar: Point, discs: &mut Vec<Disc>) {
         discs.clear();
         for walker in &mut self.walkers {
@@ -110,7 +110,7 @@ impl Crowd {
     }
 }
 
-/// A place by surface, so that people spread evenly.
+/// Draws an area by surface, so that people spread evenly.
 fn pick_area(walkable: &[Area], random: &mut ChaCha8Rng) -> Option<Area> {
     let total_m2: f64 = walkable.iter().map(Area::surface_m2).sum();
     let mut left_m2 = random.random_range(0.0..1.0) * total_m2;
@@ -123,7 +123,7 @@ fn pick_area(walkable: &[Area], random: &mut ChaCha8Rng) -> Option<Area> {
     walkable.last().copied()
 }
 
-/// The point moved away from the LiDAR as far as people step aside.
+/// Moves a point away from the LiDAR as far as people step aside.
 pub(super) fn aside(point: Point, lidar: Point) -> Point {
     let distance_m = point.distance_m(lidar);
     if distance_m >= KEEP_CLEAR_M {

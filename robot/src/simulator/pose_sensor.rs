@@ -15,11 +15,11 @@ pub struct PoseSettings {
     pub rate_hz: f64,
     /// Standard deviation of each coordinate of a pose, independent from pose to pose, m.
     pub position_sigma_m: f64,
-    /// The same of the heading, rad.
+    /// Standard deviation of the heading, rad.
     pub yaw_sigma_rad: f64,
     /// Standard deviation that each motion from pose to pose adds for good, per coordinate, m.
     pub position_walk_m: f64,
-    /// The same of the heading, rad.
+    /// Standard deviation that each motion adds to the heading for good, rad.
     pub yaw_walk_rad: f64,
     /// Time from the start of the simulation to the first pose, s.
     pub phase_s: f64,
@@ -38,7 +38,7 @@ impl Default for PoseSettings {
     }
 }
 
-/// Keeps the odometry's own idea of where the LiDAR is.
+/// Sensor with the odometry's own estimate of the LiDAR's pose.
 #[derive(Debug)]
 pub(super) struct PoseSensor {
     settings: PoseSettings,
@@ -93,7 +93,7 @@ impl PoseSensor {
         }
     }
 
-    /// A motion as an odometry measures it whose ranges are all too long by the same share.
+    /// Scales a motion for an odometry whose ranges are all too long by the same share.
     fn scaled(&self, motion: &Pose2) -> Pose2 {
         Pose2::new(
             self.length_scale * motion.x_m,

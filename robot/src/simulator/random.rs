@@ -4,7 +4,7 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Who draws.
+/// Part of the simulation that draws random numbers.
 #[derive(Debug, Clone, Copy)]
 #[repr(u64)]
 pub(super) enum Stream {
@@ -19,9 +19,10 @@ pub(super) enum Stream {
     Jitter,
     Losses,
     MixedPixels,
+    WrongInputs,
 }
 
-/// The generator of one part.
+/// Makes the generator of one part.
 pub(super) fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     generator.set_stream(stream as u64);

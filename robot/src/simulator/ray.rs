@@ -24,16 +24,16 @@ impl Direction {
     }
 }
 
-/// What a ray meets.
+/// Hit of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Met {
-    /// Range, m; infinite for no obstacle.
+    /// Range, m; infinite without an obstacle.
     pub range_m: f64,
     /// Cosine of the angle of incidence.
     pub cos_incidence: f64,
 }
 
-/// A wall as the intersection needs it.
+/// A wall in the form for intersection.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     from: Point,
@@ -41,7 +41,7 @@ struct Edge {
     along_y_m: f64,
 }
 
-/// Distance at which a ray meets a circle from outside; infinite when it does not.
+/// Returns the distance at which a ray meets a circle from outside; infinite if it misses.
 pub(super) fn circle_range_m(
     origin: Point,
     direction: Direction,
@@ -78,7 +78,7 @@ impl Edge {
     }
 }
 
-/// The obstacles of a world by cell.
+/// Obstacles of a world by cell.
 #[derive(Debug, Clone)]
 pub(super) struct RayIndex {
     corner: Point,
@@ -121,7 +121,7 @@ impl Axis {
         }
     }
 
-    /// Goes to the next cell; `false` at the border of the world.
+    /// Moves to the next cell; returns `false` at the border of the world.
     fn step(&mut self) -> bool {
         self.exit_m += self.step_m;
         if self.forward {
@@ -207,14 +207,14 @@ impl RayIndex {
             })
     }
 
-    /// Range to the nearest obstacle, m; infinite when none is nearer than `range_max_m` or the
-    /// origin lies outside the world.
+    /// Returns the range to the nearest obstacle, m; infinite if none is nearer than `range_max_m`
+    /// or the origin lies outside the world.
     pub fn range_m(&self, origin: Point, direction: Direction, range_max_m: f64) -> f64 {
         self.nearest(origin, direction, range_max_m).0
     }
 
-    /// The same with the cosine of the angle at which the ray meets the obstacle: 1 for a surface
-    /// that faces the origin, and for no obstacle.
+    /// Returns the hit: the range, and the cosine of the angle at which the ray meets the obstacle:
+    /// 1 for a surface that faces the origin, and without an obstacle.
     pub fn met(&self, origin: Point, direction: Direction, range_max_m: f64) -> Met {
         let (range_m, obstacle) = self.nearest(origin, direction, range_max_m);
         let cos_incidence = obstacle.map_or(1.0, |obstacle| {
@@ -250,7 +250,7 @@ impl RayIndex {
             })
     }
 
-    /// Range to the nearest obstacle and which one it is.
+    /// Returns the range to the nearest obstacle, and its index.
     fn nearest(&self, origin: Point, direction: Direction, range_max_m: f64) -> (f64, Option<u32>) {
         let (x_m, y_m) = (origin.x_m - self.corner.x_m, origin.y_m - self.corner.y_m);
         let inside =
@@ -297,7 +297,7 @@ fn edge(segment: &Segment) -> Edge {
     }
 }
 
-/// Whether a segment and a cell overlap: separating axes x, y and the segment's normal.
+/// True if a segment and a cell overlap: separating axes x, y and the segment's normal.
 fn crosses(segment: &Segment, cell: &Area) -> bool {
     let (from, to) = (segment.from, segment.to);
     if from.x_m.max(to.x_m) < cell.min.x_m

@@ -6,10 +6,11 @@ use super::plane::{Point, Pose2, wrap_angle_rad};
 
 /// Distance between the points of a route, m.
 const SPACING_M: f64 = 0.05;
-/// How far back and ahead of the last place the nearest one is looked for, m.
+/// Distance back from the last place within which the nearest one is searched, m.
 const BACK_M: f64 = 0.5;
+/// Distance ahead of the last place within which the nearest one is searched, m.
 const AHEAD_M: f64 = 1.5;
-/// Length over which the curvature is taken, m.
+/// Length over which the curvature is computed, m.
 const CURVATURE_SPAN_M: f64 = 0.3;
 
 /// A route along the floor.
@@ -24,9 +25,9 @@ pub struct Route {
 /// A stretch that a robot drives backwards on its way: it stops, backs up and goes on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reversal {
-    /// Where it stops, from the start of the route, m.
+    /// Distance of the stop from the start of the route, m.
     pub at_m: f64,
-    /// How far it backs up, m.
+    /// Length of the stretch, m.
     pub length_m: f64,
 }
 
@@ -40,7 +41,7 @@ pub(super) struct Place {
 }
 
 impl Route {
-    /// A route through points, evenly spaced again. Consecutive equal points are left out.
+    /// Makes a route through points, evenly spaced again. Consecutive equal points are left out.
     pub fn from_points(points: &[Point], closed: bool) -> Self {
         let mut corners = points.to_vec();
         if closed {
@@ -70,15 +71,15 @@ impl Route {
         }
     }
 
-    /// The same with stretches that are driven backwards, in their order along the route; on a
-    /// closed route in every lap.
+    /// Adds stretches that are driven backwards, in their order along the route; on a closed route
+    /// in every lap.
     #[must_use]
     pub fn with_reversals(mut self, reversals: &[Reversal]) -> Self {
         self.reversals = reversals.to_vec();
         self
     }
 
-    /// The reversal that comes after so many others.
+    /// Returns the reversal of this number, counted from 0 over all laps.
     pub(super) fn reversal(&self, number: usize) -> Option<Reversal> {
         let each_lap = self.reversals.len();
         let lap = number.checked_div(each_lap)?;
@@ -92,8 +93,8 @@ impl Route {
         })
     }
 
-    /// A figure-eight (Gerono's lemniscate): both turns, the crossing straight. It starts at the
-    /// crossing. `half_length_m` along x, `half_width_m` along y.
+    /// Makes a figure-eight (Gerono's lemniscate): both turns, the crossing straight. It starts at
+    /// the crossing. `half_length_m` along x, `half_width_m` along y.
     pub fn figure_eight(centre: Point, half_length_m: f64, half_width_m: f64) -> Self {
         let point = |turn: f64| {
             Point::new(
@@ -104,12 +105,13 @@ impl Route {
         Self::curve(point, true)
     }
 
-    /// The figure-eight in the staging area of the warehouse.
+    /// Makes the figure-eight in the staging area of the warehouse.
     pub fn staging_figure_eight() -> Self {
         Self::figure_eight(Point::new(-11.0, 0.0), 5.5, 1.8)
     }
 
-    /// A loop through the warehouse's aisles with left and right turns, a minute long at 1 m/s.
+    /// Makes a loop through the warehouse's aisles with left and right turns, a minute long at 1
+    /// m/s.
     pub fn aisle_loop() -> Self {
         let corners = [
             (-1.5, -2.0),
@@ -122,13 +124,13 @@ impl Route {
         Self::through(&corners.map(|(x_m, y_m)| Point::new(x_m, y_m)), 1.5, true)
     }
 
-    /// The same loop with two stretches of each lap driven backwards.
+    /// Makes the same loop with two stretches of each lap driven backwards.
     pub fn aisles_with_reversals() -> Self {
         let reversal = |at_m, length_m| Reversal { at_m, length_m };
         Self::aisle_loop().with_reversals(&[reversal(6.0, 2.5), reversal(33.0, 3.0)])
     }
 
-    /// One circle, left about.
+    /// Makes one circle, left about.
     pub fn circle(centre: Point, radius_m: f64) -> Self {
         let point = |turn: f64| {
             let (sin, cos) = (TAU * turn - FRAC_PI_2).sin_cos();
@@ -137,7 +139,8 @@ impl Route {
         Self::curve(point, true)
     }
 
-    /// A rectangle with round corners driven left about: straights and left turns, no right ones.
+    /// Makes a rectangle with round corners driven left about: straights and left turns, no right
+    /// ones.
     pub fn left_loop(centre: Point, length_m: f64, width_m: f64) -> Self {
         let (x_m, y_m) = (0.5 * length_m, 0.5 * width_m);
         let corners = [(-x_m, -y_m), (x_m, -y_m), (x_m, y_m), (-x_m, y_m)];
@@ -145,12 +148,12 @@ impl Route {
         Self::through(&corners, 0.4 * width_m.min(length_m), true)
     }
 
-    /// A straight line.
+    /// Makes a straight line.
     pub fn straight(from: Point, to: Point) -> Self {
         Self::from_points(&[from, to], false)
     }
 
-    /// A sine along x around a straight line.
+    /// Makes a sine along x around a straight line.
     pub fn slalom(from: Point, length_m: f64, amplitude_m: f64, wave_length_m: f64) -> Self {
         let point = |part: f64| {
             let x_m = part * length_m;
@@ -160,7 +163,7 @@ impl Route {
         Self::curve(point, false)
     }
 
-    /// Straight lines between corners, which are rounded with `radius_m`.
+    /// Makes straight lines between corners, which are rounded with `radius_m`.
     pub fn through(corners: &[Point], radius_m: f64, closed: bool) -> Self {
         let mut points = Vec::new();
         for (number, corner) in corners.iter().enumerate() {
@@ -192,23 +195,24 @@ impl Route {
         Self::from_points(&points, closed)
     }
 
-    /// Its length, m.
+    /// Returns its length, m.
     pub fn length_m(&self) -> f64 {
         self.length_m
     }
 
-    /// Whether it ends where it starts.
+    /// True if it ends at its start.
     pub fn is_closed(&self) -> bool {
         self.closed
     }
 
-    /// Where a robot starts: on the first point, looking along the route.
+    /// Returns a robot's initial pose: on the first point, looking along the route.
     pub fn start(&self) -> Pose2 {
         let start = self.point_at(0.0);
         Pose2::new(start.x_m, start.y_m, self.heading_at(0.0))
     }
 
-    /// The point `along_m` from the start; closed routes go round, open ones go on straight.
+    /// Returns the point `along_m` from the start; closed routes repeat, open ones continue
+    /// straight.
     pub fn point_at(&self, along_m: f64) -> Point {
         let place = along_m / SPACING_M;
         let before = place.floor();
@@ -231,7 +235,7 @@ impl Route {
         Some(from.toward(*to, (number - inside) as f64))
     }
 
-    /// Heading of the route at a place, rad.
+    /// Returns the heading of the route at a place, rad.
     pub(super) fn heading_at(&self, along_m: f64) -> f64 {
         let half_m = 0.5 * SPACING_M;
         let (from, to) = (
@@ -241,15 +245,15 @@ impl Route {
         (to.y_m - from.y_m).atan2(to.x_m - from.x_m)
     }
 
-    /// Curvature around a place, 1/m, left positive.
+    /// Returns the curvature around a place, 1/m, left positive.
     pub(super) fn curvature_at(&self, along_m: f64) -> f64 {
         let before_rad = self.heading_at(along_m - 0.5 * CURVATURE_SPAN_M);
         let after_rad = self.heading_at(along_m + 0.5 * CURVATURE_SPAN_M);
         wrap_angle_rad(after_rad - before_rad) / CURVATURE_SPAN_M
     }
 
-    /// The place nearest to a point, near the last one: where the route crosses itself the robot
-    /// stays on its branch.
+    /// Returns the place nearest to a point, near the last one: where the route crosses itself the
+    /// robot stays on its branch.
     pub(super) fn nearest(&self, point: Point, last_along_m: f64) -> Place {
         let first = ((last_along_m - BACK_M) / SPACING_M).floor() as i64;
         let count = ((BACK_M + AHEAD_M) / SPACING_M) as i64;

@@ -32,7 +32,7 @@ pub struct Area {
 }
 
 impl Area {
-    /// A rectangle from its middle and its sides, m.
+    /// Makes a rectangle from its middle and its sides, m.
     pub fn around(centre: Point, length_m: f64, width_m: f64) -> Self {
         let (half_length_m, half_width_m) = (0.5 * length_m, 0.5 * width_m);
         Self {
@@ -41,7 +41,7 @@ impl Area {
         }
     }
 
-    /// Its four sides.
+    /// Returns its four sides.
     pub fn sides(&self) -> [Segment; 4] {
         let corners = [
             self.min,
@@ -53,12 +53,12 @@ impl Area {
         [(a, b), (b, c), (c, d), (d, a)].map(|(from, to)| Segment { from, to })
     }
 
-    /// Its surface, m².
+    /// Returns its surface, m².
     pub fn surface_m2(&self) -> f64 {
         (self.max.x_m - self.min.x_m).max(0.0) * (self.max.y_m - self.min.y_m).max(0.0)
     }
 
-    /// Distance of a point from the rectangle, 0 inside, m.
+    /// Returns the distance of a point from the rectangle, 0 inside, m.
     pub fn distance_m(&self, point: Point) -> f64 {
         let x_m = (self.min.x_m - point.x_m)
             .max(point.x_m - self.max.x_m)

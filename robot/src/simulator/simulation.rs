@@ -24,7 +24,7 @@ const CONTROL_NS: i64 = 20_000_000;
 /// Time from one cross-track error to the next, ns.
 const CROSS_TRACK_ERROR_NS: i64 = 1_000_000_000;
 
-/// What makes the LiDAR's messages, and the time of the next one.
+/// Source of the LiDAR's messages, with the time of the next one.
 #[derive(Debug)]
 enum LidarSource {
     Scans {
@@ -59,10 +59,10 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// A simulation at its start.
+    /// Makes a simulation at its start.
     ///
     /// # Errors
-    /// Names the setting that cannot be.
+    /// Names the impossible setting.
     pub fn new(config: SimulationConfig) -> Result<Self, SettingRefused> {
         config.check()?;
         let mut config = config.with_imperfect_settings();
@@ -93,8 +93,8 @@ impl Simulation {
         })
     }
 
-    /// The next message, in the order in which the robot sends them. A scan carries the stamp of
-    /// its first beam but is sent after its last one.
+    /// Returns the next message, in the order of sending. A scan carries the stamp of its first
+    /// beam but is sent after its last one.
     pub fn advance(&mut self) -> Emitted {
         loop {
             if let Some(emitted) = self.ready.pop_front() {
@@ -104,7 +104,7 @@ impl Simulation {
         }
     }
 
-    /// All messages of the next `duration_s`, ordered by their stamps.
+    /// Returns all messages of the next `duration_s`, ordered by their stamps.
     pub fn run(&mut self, duration_s: f64) -> Vec<Emitted> {
         let end_ns = self.stamp_ns() + (duration_s * 1e9) as i64;
         let mut messages = Vec::new();
@@ -116,17 +116,17 @@ impl Simulation {
         messages
     }
 
-    /// Sets the calibration that the robot believes in from now on.
+    /// Sets the calibration that the robot drives with from now on.
     pub fn set_applied(&mut self, applied: Applied) {
         self.config.applied = applied;
     }
 
-    /// The calibration that the robot believes in.
+    /// Returns the calibration that the robot drives with.
     pub fn applied(&self) -> Applied {
         self.config.applied
     }
 
-    /// The parameters as they are now.
+    /// Returns the present parameters.
     pub fn parameters(&self) -> TrueParameters {
         let (vehicle, imperfections) = (&self.config.vehicle, &self.config.imperfections);
         let drifted_s = imperfections.clocks.drive_drift * self.now_ns as f64 * 1e-9;
@@ -137,12 +137,12 @@ impl Simulation {
         }
     }
 
-    /// The configuration, with the vehicle as it is now.
+    /// Returns the configuration, with the vehicle's present state.
     pub fn config(&self) -> &SimulationConfig {
         &self.config
     }
 
-    /// The present moment in message time, ns.
+    /// Returns the present moment in message time, ns.
     pub fn stamp_ns(&self) -> i64 {
         self.config.start_stamp_ns + self.now_ns
     }
@@ -270,7 +270,7 @@ impl Simulation {
         self.emit(message, reference_ns, sent_ns);
     }
 
-    /// Puts a message, whose stamp still counts from the start, among those that are ready.
+    /// Adds a message, whose stamp still counts from the start, to those that are ready.
     fn emit(&mut self, message: SimulatedMessage, reference_ns: i64, sent_ns: i64) {
         let start_ns = self.config.start_stamp_ns;
         let Some(message) = self.stamps.send(message) else {
@@ -297,7 +297,7 @@ impl Simulation {
     }
 }
 
-/// The LiDAR's source and how long the track must reach back for it, ns.
+/// Makes the LiDAR's source; returns it with the length of track that it needs, ns.
 fn lidar_source(config: &SimulationConfig) -> (LidarSource, i64) {
     match config.lidar {
         LidarOutput::Scans(settings) => {
@@ -336,17 +336,17 @@ fn lidar_source(config: &SimulationConfig) -> (LidarSource, i64) {
     }
 }
 
-/// How many steps of the motion the steering sensor is late.
+/// Returns the delay of the steering sensor, in steps of the motion.
 fn delay_steps(config: &SimulationConfig) -> usize {
     (config.imperfections.vehicle.steering_delay_s / STEP_S).round() as usize
 }
 
-/// A duration in whole steps, at least one, ns.
+/// Rounds a duration to whole steps, at least one, ns.
 fn whole_steps(duration_ns: f64) -> i64 {
     ((duration_ns / STEP_NS as f64).round() as i64).max(1) * STEP_NS
 }
 
-/// The message with its stamp counted from 1970 instead of from the start.
+/// Converts the message's stamp to count from 1970 instead of from the start.
 fn stamped(mut message: SimulatedMessage, start_ns: i64) -> SimulatedMessage {
     match &mut message {
         SimulatedMessage::WheelOdometry(drive) => drive.stamp_ns += start_ns,

@@ -8,17 +8,17 @@ use super::imperfections::ClockImperfections;
 use super::message::SimulatedMessage;
 use super::random::{Stream, stream};
 
-/// Least time between two stamps of one stream once they tremble, ns.
+/// Least time between two stamps of one stream with jitter, ns.
 const LEAST_GAP_NS: i64 = 100_000;
 
-/// Which of the two streams a message belongs to.
+/// Stream of a message, one of two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Line {
     WheelOdometry,
     Lidar,
 }
 
-/// Both streams' clocks.
+/// Clocks of both streams.
 #[derive(Debug)]
 pub(super) struct Stamps {
     imperfections: ClockImperfections,
@@ -39,8 +39,8 @@ impl Stamps {
         }
     }
 
-    /// The message as it is stamped, its stamp still counted from the start; `None` when it is
-    /// lost. What the robot says of its path has its own way and arrives.
+    /// Stamps a message, still counted from the start; `None` if it is lost. The robot's
+    /// cross-track error has its own way and always arrives.
     pub fn send(&mut self, mut message: SimulatedMessage) -> Option<SimulatedMessage> {
         let (line, stamp_ns) = match &mut message {
             SimulatedMessage::WheelOdometry(drive) => (Line::WheelOdometry, &mut drive.stamp_ns),

@@ -2,25 +2,25 @@
 
 use super::imperfections::{CURVE_REFERENCE_RAD, VehicleImperfections};
 
-/// From here on the curve continues straight, rad: 45°.
+/// Angle from which the curve continues straight, rad: 45°.
 const STRAIGHT_FROM_RAD: f64 = std::f64::consts::FRAC_PI_4;
 /// Steps of Newton's iteration; an increasing curve needs five for the last bit.
 const NEWTON_STEPS: usize = 12;
 
-/// `steering = (gain + asymmetry·sign(u))·u + quadratic·u² + cubic·u³`, with `u` the shown angle
-/// less its offset, rad. Beyond 45° it continues with the slope it has there.
+/// Steering curve `steering = (gain + asymmetry·sign(u))·u + quadratic·u² + cubic·u³`, with `u` the
+/// shown angle less its offset, rad. Beyond 45° it continues with the slope it has there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SteeringCurve {
     gain: f64,
     asymmetry: f64,
-    /// 1/rad.
+    /// Quadratic coefficient, 1/rad.
     quadratic: f64,
-    /// 1/rad².
+    /// Cubic coefficient, 1/rad².
     cubic: f64,
 }
 
 impl SteeringCurve {
-    /// The curve of a vehicle whose steering has this gain.
+    /// Makes the curve of a vehicle whose steering has this gain.
     pub fn new(steering_gain: f64, imperfections: &VehicleImperfections) -> Self {
         Self {
             gain: steering_gain * (1.0 + imperfections.steering_gain),
@@ -30,12 +30,12 @@ impl SteeringCurve {
         }
     }
 
-    /// Its gain at straight ahead, without the asymmetry.
+    /// Returns its gain at straight ahead, without the asymmetry.
     pub fn gain(&self) -> f64 {
         self.gain
     }
 
-    /// The true angle of the wheel for the shown angle less its offset, rad.
+    /// Returns the true angle of the wheel for the shown angle less its offset, rad.
     pub fn wheel_rad(&self, shown_rad: f64) -> f64 {
         let bent_rad = shown_rad.clamp(-STRAIGHT_FROM_RAD, STRAIGHT_FROM_RAD);
         let straight_rad = shown_rad - bent_rad;
@@ -45,7 +45,7 @@ impl SteeringCurve {
             + (self.asymmetry * shown_rad.abs() + polynomial_rad + slope * straight_rad)
     }
 
-    /// The shown angle less its offset for a true angle of the wheel, rad.
+    /// Returns the shown angle less its offset for a true angle of the wheel, rad.
     pub fn shown_rad(&self, wheel_rad: f64) -> f64 {
         let mut shown_rad = wheel_rad / self.gain;
         if self.is_straight() {
@@ -58,8 +58,8 @@ impl SteeringCurve {
         shown_rad
     }
 
-    /// Smallest slope anywhere: above 0 the curve can be inverted. The slope is a parabola on each
-    /// side, so its least value is at an end or at its vertex.
+    /// Returns the smallest slope anywhere: above 0 the curve can be inverted. The slope is a
+    /// parabola on each side, so its least value is at an end or at its vertex.
     pub fn least_slope(&self) -> f64 {
         let vertex_rad = -self.quadratic / (3.0 * self.cubic);
         let vertex_rad = if vertex_rad.is_finite() {
@@ -83,7 +83,7 @@ impl SteeringCurve {
         self.gain + self.asymmetry * 1f64.copysign(shown_rad) + self.bend_slope(bent_rad)
     }
 
-    /// Slope of the quadratic and cubic terms.
+    /// Returns the slope of the quadratic and cubic terms.
     fn bend_slope(&self, bent_rad: f64) -> f64 {
         bent_rad * (2.0 * self.quadratic + 3.0 * self.cubic * bent_rad)
     }

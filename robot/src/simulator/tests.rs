@@ -62,7 +62,7 @@ fn drives(messages: &[Emitted]) -> Vec<(DriveSample, &Emitted)> {
         .collect()
 }
 
-/// Root mean square of the true cross-track error after `from_s`.
+/// Returns the root mean square of the true cross-track error after `from_s`.
 fn true_error_m(messages: &[Emitted], from_s: f64) -> f64 {
     let start_ns = messages[0].message.stamp_ns();
     let late: Vec<_> = messages

@@ -23,7 +23,7 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// A track that starts with `moment` and remembers `length_ns`.
+    /// Makes a track that starts with `moment` and remembers `length_ns`.
     pub fn new(start_ns: i64, spacing_ns: i64, length_ns: i64, moment: Moment) -> Self {
         let capacity = (length_ns / spacing_ns + 2) as usize;
         let moments = VecDeque::from([moment]);
@@ -44,7 +44,7 @@ impl Track {
         }
     }
 
-    /// The moment at a time, linear between neighbours; held at the ends.
+    /// Returns the moment at a time, linear between neighbours; held at the ends.
     pub fn at(&self, time_ns: i64) -> Moment {
         let since_ns = (time_ns - self.first_ns).max(0);
         let number = (since_ns / self.spacing_ns) as usize;

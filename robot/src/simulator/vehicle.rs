@@ -13,14 +13,14 @@ use super::steering_curve::SteeringCurve;
 
 /// Fastest turn of the steered wheel, rad/s.
 const STEERING_RATE_MAX_RAD_PER_S: f64 = 1.2;
-/// Time constant of the longitudinal slip's wandering, s.
+/// Time constant of the longitudinal slip's random walk, s.
 const SLIP_CORRELATION_S: f64 = 1.0;
 /// Time constant of the drive motor, s.
 const DRIVE_LAG_S: f64 = 0.1;
 /// Half the distance between the rear wheels, over the wheelbase.
 const HALF_TRACK: f64 = 0.4;
 
-/// How the wheels slip.
+/// Slip of the wheels.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Slip {
     /// Standard deviation of the true speed's relative deviation from the wheel's, wandering with a
@@ -30,33 +30,33 @@ pub struct Slip {
     pub lateral_rad_per_mps2: f64,
 }
 
-/// A vehicle with all that is wrong about it.
+/// True parameters of a vehicle, with all its errors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct VehicleTruth {
-    /// How it steers.
+    /// Steering geometry.
     pub model: VehicleModel,
     /// Distance between the axles, m.
     pub wheelbase_m: f64,
     /// Pose of the LiDAR in `base`.
     pub lidar_in_base: Pose2,
-    /// What the steering sensor shows when the wheel points straight ahead, rad.
+    /// Reading of the steering sensor when the wheel points straight ahead, rad.
     pub steering_offset_rad: f64,
     /// True steering angle over the measured one less its offset.
     pub steering_gain: f64,
     /// True speed over measured speed.
     pub speed_scale: f64,
-    /// How much later a motion shows in the wheel odometry than in the LiDAR's, s.
+    /// Delay of a motion in the wheel odometry against the LiDAR's, s.
     pub time_offset_s: f64,
     /// Time constant of the steering actuator, s.
     pub steering_lag_s: f64,
     /// Largest true steering angle, rad.
     pub steering_limit_rad: f64,
-    /// How it slips.
+    /// Slip of its wheels.
     pub slip: Slip,
 }
 
 impl Default for VehicleTruth {
-    /// A tugger whose calibration is perfect and whose LiDAR sits at x = +0.434 m.
+    /// Makes a tugger whose calibration is perfect and whose LiDAR sits at x = +0.434 m.
     fn default() -> Self {
         Self {
             model: VehicleModel::Bicycle,
@@ -77,7 +77,7 @@ impl Default for VehicleTruth {
 }
 
 impl VehicleTruth {
-    /// The parameters a calibration looks for.
+    /// Returns the parameters that a calibration estimates.
     pub const fn parameters(&self) -> TrueParameters {
         TrueParameters {
             steering_offset_rad: self.steering_offset_rad,
@@ -89,8 +89,8 @@ impl VehicleTruth {
         }
     }
 
-    /// What the speed sensor shows without noise, m/s, when the wheels turn as they did in the last
-    /// step. At the steered wheel: `v_front = v / cos(steering)`.
+    /// Returns the reading of the speed sensor without noise, m/s, for the turning of the wheels in
+    /// the last step. At the steered wheel: `v_front = v / cos(steering)`.
     pub(super) fn measured_speed_mps(
         &self,
         imperfections: &VehicleImperfections,
@@ -110,11 +110,11 @@ impl VehicleTruth {
     }
 }
 
-/// What the controller asks of the actuators.
+/// Command of the controller to the actuators.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Command {
     pub speed_mps: f64,
-    /// What the steering sensor shall show, rad.
+    /// Commanded reading of the steering sensor, rad.
     pub measured_steering_rad: f64,
 }
 
@@ -135,7 +135,7 @@ pub(super) struct Motion {
     pub steering_rad: f64,
     /// Angle on the sensor's side of lag and play, rad.
     sensor_side_rad: f64,
-    /// The same behind the lag and before the play, rad.
+    /// Angle behind the lag and before the play, rad.
     lagging_rad: f64,
     wheel_speed_mps: f64,
     slip: f64,
@@ -160,7 +160,7 @@ impl Motion {
         }
     }
 
-    /// Moves on by `step_s`: actuators first, then one arc with the step's mean speed and steering.
+    /// Advances by `step_s`: actuators first, then one arc with the step's mean speed and steering.
     pub fn advance(
         &mut self,
         vehicle: &VehicleTruth,
@@ -194,9 +194,9 @@ impl Motion {
         self.base = self.base.compose(&arc);
     }
 
-    /// A front axle that drifts outwards by more than the rear one widens a bend that is driven
-    /// forwards. Backwards it follows, and drifting outwards it narrows the bend:
-    /// `yaw_rate = v·tan(steering)/(wheelbase + understeer·|v|·v)`.
+    /// Returns the yaw rate. A front axle that drifts outwards by more than the rear one widens a
+    /// bend that is driven forwards. Backwards it follows, and drifting outwards it narrows the
+    /// bend: `yaw_rate = v·tan(steering)/(wheelbase + understeer·|v|·v)`.
     fn yaw_rate_rad_per_s(
         &self,
         vehicle: &VehicleTruth,
@@ -228,7 +228,7 @@ impl Motion {
         self.sensor_side_rad += turn_rad.clamp(-most_rad, most_rad);
     }
 
-    /// The wheel behind lag and play: 1. a first-order lag, 2. the play pushes it along.
+    /// Turns the wheel behind lag and play: 1. a first-order lag, 2. the play pushes it along.
     fn turn_wheel(&mut self, imperfections: &VehicleImperfections, step_s: f64) {
         let lag_s = imperfections.steering_lag_s;
         if lag_s > 0.0 {
@@ -244,7 +244,7 @@ impl Motion {
         );
     }
 
-    /// First-order Gauss-Markov process.
+    /// Advances the slip, a first-order Gauss-Markov process.
     fn wander_slip(&mut self, sigma: f64, step_s: f64) {
         if sigma <= 0.0 {
             return;

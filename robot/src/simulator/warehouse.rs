@@ -18,9 +18,9 @@ const BAY_M: f64 = 2.7;
 const RACK_DEPTH_M: f64 = 1.1;
 
 impl World {
-    /// A hall of 40 m by 24 m around the origin: a free staging area for x below -3 m, five rows of
-    /// racks with aisles along y = -6, -2, 2 and 6 m beside it, a cross aisle at x = 9.4 m. The seed
-    /// moves pallets, pillars and clutter; routes stay free.
+    /// Makes a hall of 40 m by 24 m around the origin: a free staging area for x below -3 m, five
+    /// rows of racks with aisles along y = -6, -2, 2 and 6 m beside it, a cross aisle at x = 9.4 m.
+    /// The seed moves pallets, pillars and clutter; routes stay free.
     pub fn warehouse(seed: u64) -> Self {
         let mut random = stream(seed, Stream::World);
         let mut segments = Area::around(Point::default(), 40.0, 24.0).sides().to_vec();
@@ -58,7 +58,8 @@ fn add_box(segments: &mut Vec<Segment>, pose: Pose2, length_m: f64, width_m: f64
     }));
 }
 
-/// Wall pilasters and door frames: without them a long wall tells nothing along itself.
+/// Adds wall pilasters and door frames: without them a long wall carries no information along
+/// itself.
 fn add_pilasters(segments: &mut Vec<Segment>, random: &mut ChaCha8Rng) {
     for side in [-1.0, 1.0] {
         let mut x_m = -18.0;
@@ -74,7 +75,8 @@ fn add_pilasters(segments: &mut Vec<Segment>, random: &mut ChaCha8Rng) {
     }
 }
 
-/// One row: uprights at each bay's end, two places for pallets between them, some of them empty.
+/// Adds one row: uprights at each bay's end, two places for pallets between them, some of them
+/// empty.
 fn add_rack(
     segments: &mut Vec<Segment>,
     random: &mut ChaCha8Rng,
@@ -109,7 +111,7 @@ fn add_rack(
     }
 }
 
-/// Pallets and machines along the staging area's walls.
+/// Adds pallets and machines along the staging area's walls.
 fn add_clutter(segments: &mut Vec<Segment>, random: &mut ChaCha8Rng) {
     for side in [-1.0, 1.0] {
         for place in 0..4 {

@@ -4,7 +4,7 @@ use super::plane::Point;
 use super::ray::{Direction, RayIndex};
 use super::shape::{Area, Pillar, Segment};
 
-/// A world that does not change; people walk in it apart from it.
+/// A static world; people walk in it apart from it.
 #[derive(Debug, Clone)]
 pub struct World {
     segments: Vec<Segment>,
@@ -14,8 +14,8 @@ pub struct World {
 }
 
 impl World {
-    /// A world of walls and pillars. `walkable` are the rectangles people stay in; obstacles with a
-    /// coordinate that is not finite are left out.
+    /// Makes a world of walls and pillars. `walkable` are the rectangles people stay in; obstacles
+    /// with a coordinate that is not finite are left out.
     pub fn new(segments: Vec<Segment>, pillars: Vec<Pillar>, walkable: Vec<Area>) -> Self {
         let finite = |point: &Point| point.x_m.is_finite() && point.y_m.is_finite();
         let segments: Vec<_> = segments
@@ -35,14 +35,15 @@ impl World {
         }
     }
 
-    /// A hall of four walls around the origin, seen from far off: hardly any returns.
+    /// Makes a hall of four walls around the origin, viewed from far off: hardly any returns.
     pub fn empty_hall() -> Self {
         let hall = Area::around(Point::default(), 70.0, 50.0);
         let middle = Area::around(Point::default(), 60.0, 40.0);
         Self::new(hall.sides().to_vec(), Vec::new(), vec![middle])
     }
 
-    /// Two bare parallel walls along x, 3 m apart and 160 m long: nothing tells how far one drove.
+    /// Makes two bare parallel walls along x, 3 m apart and 160 m long: nothing shows the distance
+    /// driven.
     pub fn corridor() -> Self {
         let wall = |y_m| Segment {
             from: Point::new(-80.0, y_m),
@@ -52,25 +53,25 @@ impl World {
         Self::new(vec![wall(-1.5), wall(1.5)], Vec::new(), vec![floor])
     }
 
-    /// Range from a point in a direction of the world, m: `None` when nothing is nearer than
-    /// `range_max_m` or the point lies outside the world.
+    /// Returns the range from a point in a direction of the world, m; `None` if nothing is nearer
+    /// than `range_max_m` or the point lies outside the world.
     pub fn range_m(&self, origin: Point, bearing_rad: f64, range_max_m: f64) -> Option<f64> {
         let direction = Direction::from_angle_rad(bearing_rad);
         let range_m = self.index.range_m(origin, direction, range_max_m);
         range_m.is_finite().then_some(range_m)
     }
 
-    /// Its walls.
+    /// Returns its walls.
     pub fn segments(&self) -> &[Segment] {
         &self.segments
     }
 
-    /// Its pillars.
+    /// Returns its pillars.
     pub fn pillars(&self) -> &[Pillar] {
         &self.pillars
     }
 
-    /// The rectangles people stay in.
+    /// Returns the rectangles people stay in.
     pub fn walkable(&self) -> &[Area] {
         &self.walkable
     }

@@ -1,5 +1,5 @@
-//! The responses that operations share: refusals by what stands before a handler, and failures of
-//! the service. A handler describes its own; [`complete`] adds these.
+//! Responses that operations share: refusals by the layers before a handler, and failures of the
+//! service. A handler describes its own responses; [`complete`] adds these.
 
 use std::collections::BTreeMap;
 
@@ -13,10 +13,10 @@ use utoipa::openapi::{Content, OpenApi, Ref, RefOr, Required};
 
 use super::{access, health};
 
-/// A response that several operations share.
+/// Response that several operations share.
 struct Shared {
     status: StatusCode,
-    /// Its name among the document's components.
+    /// Name among the document's components.
     name: &'static str,
     description: String,
 }
@@ -31,8 +31,8 @@ impl Shared {
     }
 }
 
-/// Adds to each operation the responses that it may give and does not describe itself, gives each
-/// error its [`super::problem::Problem`], and frees public operations of credentials.
+/// Adds to each operation the responses that it can have and does not describe itself, adds each
+/// error's [`super::problem::Problem`], and frees public operations of credentials.
 pub(super) fn complete(document: &mut OpenApi) {
     let mut responses = BTreeMap::new();
     for (path, item) in &mut document.paths.paths {
@@ -67,7 +67,7 @@ fn operations(item: &mut PathItem) -> impl Iterator<Item = (Method, &mut Operati
     .filter_map(|(method, operation)| Some((method, operation?)))
 }
 
-/// The shared responses that an operation may give.
+/// Shared responses of an operation.
 fn shared(
     method: &Method,
     path: &str,
@@ -97,7 +97,7 @@ fn of_every_operation(path: &str) -> Vec<Shared> {
     let refused = "A parameter is refused, which `field` names, or the body is not JSON";
     let large = "The header exceeds its limit";
     let large_status = StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE;
-    let failed = "The service failed; its log says more";
+    let failed = "The service failed; its log has the details";
     let unavailable = "The database is unavailable, or the request took too long";
     let mut found = vec![
         Shared::new(StatusCode::BAD_REQUEST, "ValueRefused", refused),
@@ -127,7 +127,7 @@ fn of_access(method: &Method, access: Option<Access>) -> Vec<Shared> {
         }
         None | Some(Access::Public) => Vec::new(),
         Some(access) => {
-            let missing = "There is no valid credential; `code` says why";
+            let missing = "There is no valid credential; `code` has the reason";
             let accepted = access.accepted();
             let accepted = format!("The caller is not permitted; expected {accepted}");
             vec![
@@ -149,7 +149,7 @@ fn of_bodies() -> [Shared; 3] {
     ]
 }
 
-/// The name of the refusal of callers whom a route does not accept.
+/// Name of the refusal of callers that a route does not admit.
 const fn forbidden(access: Access) -> &'static str {
     match access {
         Access::Public => "CrossOrigin",
@@ -162,7 +162,7 @@ const fn forbidden(access: Access) -> &'static str {
     }
 }
 
-/// Whether a parameter has to be given; `None` when the operation has no parameter of this name.
+/// True if a parameter is required; `None` if the operation has no parameter of this name.
 fn required(operation: &Operation, name: &str) -> Option<bool> {
     let parameters = operation.parameters.iter().flatten();
     parameters
@@ -174,7 +174,7 @@ fn required(operation: &Operation, name: &str) -> Option<bool> {
         .map(|parameter| parameter.required == Required::True)
 }
 
-/// Gives an operation's own errors their content.
+/// Adds the content of an operation's own errors.
 fn describe_problems(operation: &mut Operation) {
     for (status, response) in &mut operation.responses.responses {
         if let (Ok(status), RefOr::T(response)) = (status.parse(), response) {
@@ -183,7 +183,7 @@ fn describe_problems(operation: &mut Operation) {
     }
 }
 
-/// Gives an error its content and headers; leaves other responses alone.
+/// Adds content and headers to an error; leaves other responses unchanged.
 fn describe_problem(status: StatusCode, response: &mut Response) {
     if status.as_u16() < 400 {
         return;

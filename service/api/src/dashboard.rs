@@ -1,4 +1,4 @@
-//! The dashboard's pages, embedded into the program.
+//! Pages of the dashboard, embedded into the program.
 
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
@@ -7,21 +7,21 @@ use rust_embed::{EmbeddedFile, RustEmbed};
 use super::etag;
 use super::problem::Problem;
 
-/// What the dashboard's build makes.
+/// Files of the dashboard's build.
 #[derive(RustEmbed)]
 #[folder = "../../web/dist"]
 #[allow_missing = true]
 struct Pages;
 
-/// The page that every address of the dashboard is.
+/// Page at every address of the dashboard.
 const INDEX: &str = "index.html";
 /// Folder of files whose names change with their contents.
 const HASHED: &str = "assets/";
-/// What stands in place of pages that were not built.
+/// Text in place of pages that were not built.
 const NOT_BUILT: &str =
     "The dashboard is not part of this build: run `make dashboard` and build fleetcal again.\n";
 
-/// Answers everything that is no route of the API.
+/// Answers every request outside the API.
 pub(super) async fn pages(method: Method, uri: Uri, headers: HeaderMap) -> Response {
     answer(&method, uri.path(), &headers, Pages::get)
 }

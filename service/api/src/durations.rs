@@ -12,12 +12,12 @@ use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::histogram::Histogram;
 
-/// Upper bounds of the buckets, s: from what memory answers to what a request may take at most.
+/// Upper bounds of the buckets, s: from answers out of memory to the longest request.
 const BUCKETS_S: [f64; 10] = [
     0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 1.0, 10.0,
 ];
 
-/// What requests are told apart by. Each has few values, whatever is asked for.
+/// Labels of a request. Each has few values, whatever the request.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Labels {
     method: &'static str,
@@ -25,7 +25,7 @@ struct Labels {
     status: &'static str,
 }
 
-/// How long requests took until their answer began.
+/// Durations of requests until their answer began.
 #[derive(Debug, Clone)]
 pub(super) struct RequestDurations {
     families: Family<Labels, Histogram, fn() -> Histogram>,
@@ -33,7 +33,7 @@ pub(super) struct RequestDurations {
 }
 
 impl RequestDurations {
-    /// None yet.
+    /// Makes an empty collection.
     pub(super) fn new(clock: SharedClock) -> Self {
         Self {
             families: Family::new_with_constructor(|| Histogram::new(BUCKETS_S)),
@@ -41,7 +41,7 @@ impl RequestDurations {
         }
     }
 
-    /// Writes them out.
+    /// Encodes the histograms.
     pub(super) fn encode(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let name = "fleetcal_http_request_duration_seconds";
         let help = "Time from a request's header until its answer begins";
@@ -51,13 +51,13 @@ impl RequestDurations {
     }
 }
 
-/// The route of a request as the table of routes has it; `other` for pages and what is nowhere.
+/// Route of a request in the router's form; `other` for pages and unknown paths.
 pub(super) fn route(request: &Request) -> &str {
     let matched = request.extensions().get::<MatchedPath>();
     matched.map_or("other", MatchedPath::as_str)
 }
 
-/// Takes how long a request takes.
+/// Measures the duration of a request.
 pub(super) async fn measured(
     State(durations): State<RequestDurations>,
     request: Request,
@@ -78,7 +78,7 @@ pub(super) async fn measured(
     response
 }
 
-/// A method by a name that no client chooses.
+/// Name of a method from a fixed set, which no client can extend.
 fn method(method: &Method) -> &'static str {
     match *method {
         Method::GET => "GET",

@@ -1,4 +1,4 @@
-//! Files of many rows: who may have one, and until when.
+//! Files of many rows: the limits of their number and duration.
 
 use std::io;
 
@@ -12,10 +12,11 @@ use crate::ApiState;
 use crate::access::{Caller, permission_ended};
 use crate::problem::Problem;
 
-/// What a caller should wait before it asks again, s: a file of the audit takes some seconds.
+/// Time that a caller should wait before its next attempt, s: a file of the audit takes some
+/// seconds.
 const RETRY_AFTER_S: u32 = 10;
 
-/// A file of a caller that has a place for it.
+/// File of a caller that has a place for it.
 #[derive(Debug)]
 pub(crate) struct Export {
     api: ApiState,
@@ -24,10 +25,10 @@ pub(crate) struct Export {
 }
 
 impl Export {
-    /// Takes a place for a file of this caller.
+    /// Reserves a place for a file of this caller.
     ///
     /// # Errors
-    /// [`Problem`] when the caller has as many files as it may have, or all together.
+    /// [`Problem`] if the caller, or all of them together, have as many files as permitted.
     pub(crate) fn begin(api: &ApiState, caller: Caller) -> Result<Self, Problem> {
         let place = api.exports.take(caller.actor.key());
         let place = place.inspect_err(|_| api.connections.count(Turned::Exports));
@@ -38,7 +39,7 @@ impl Export {
         })
     }
 
-    /// The body of the file. It breaks off when the caller may no longer read it, or takes too long.
+    /// Body of the file. It is cut off if the caller loses the permission, or takes too long.
     pub(crate) fn body(
         self,
         pieces: impl Stream<Item = io::Result<Bytes>> + Send + 'static,

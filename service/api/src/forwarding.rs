@@ -1,5 +1,5 @@
-//! Requests for what lives in the memory of the instance that estimates a robot: any instance takes
-//! them, and has that one answer.
+//! Requests for data in the memory of the instance that estimates a robot: any instance accepts
+//! them, and forwards them to that one.
 
 use axum::body::Body;
 use axum::extract::{FromRequestParts, MatchedPath, OriginalUri};
@@ -16,11 +16,11 @@ use crate::ApiState;
 use crate::extract::RobotPath;
 use crate::problem::Problem;
 
-/// What a client should wait for a robot to have an instance again, s.
+/// Time that a client should wait for a robot to have an instance again, s.
 const RETRY_AFTER_S: u32 = 1;
 
-/// The robot that a path names, which this instance estimates. A request for another instance's
-/// robot ends here, with that one's answer; one for a robot that nobody has is refused.
+/// Robot that a path names, which this instance estimates. A request for another instance's robot
+/// ends here, with that one's answer; one for a robot without an instance is refused.
 pub(crate) struct OwnRobot(pub(crate) RobotId);
 
 impl FromRequestParts<ApiState> for OwnRobot {
@@ -56,7 +56,7 @@ fn no_instance(id: &RobotId) -> Problem {
     Problem::new(StatusCode::SERVICE_UNAVAILABLE, "no_instance", detail).retry_after(RETRY_AFTER_S)
 }
 
-/// The answer of the instance `to`.
+/// Answer of the instance `to`.
 async fn forwarded(api: &ApiState, parts: &Parts, to: &InstanceId) -> Result<Response, Problem> {
     let PeerAddress(client) = parts.extensions.get().copied().unwrap_or(PeerAddress(None));
     // Of the request's own path a nested router has taken the beginning off.

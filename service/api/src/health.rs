@@ -1,4 +1,5 @@
-//! `/healthz` and `/readyz`: whether the process is of use, and whether it can do its work.
+//! Routes `/healthz` and `/readyz`: whether a restart of the process is needed, and whether it can
+//! work.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -7,7 +8,7 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use fleetcal_cluster::{Cluster, Member, Membership};
+use fleetcal_cluster::{Cluster, InstanceId, Member, Membership};
 use fleetcal_domain::limits;
 use fleetcal_store::Store;
 use serde::Serialize;
@@ -17,18 +18,18 @@ use super::ApiState;
 use super::extract::{NoParameters, Parameters};
 use super::problem::Problem;
 
-/// Whether a request is a probe, which is answered whatever else is under way.
+/// True if a request is a probe, which is answered under any load.
 pub(super) fn is_probe(path: &str) -> bool {
     matches!(path, "/healthz" | "/readyz")
 }
 
-/// The last answer of the database, so that everybody may ask without making it write each time.
+/// Cache of the database's last answer, so that each probe does not cause a write.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ReadyProbe {
     last: Arc<Mutex<Option<Probed>>>,
 }
 
-/// An answer of the database, and when it was given on the running clock.
+/// Answer of the database, and its time on the running clock.
 #[derive(Debug)]
 struct Probed {
     at: Duration,
@@ -36,7 +37,7 @@ struct Probed {
 }
 
 impl ReadyProbe {
-    /// Whether the database can be written, as of the last second.
+    /// Writability of the database, as of the last second.
     async fn database(&self, store: &Store, elapsed: Duration) -> Result<(), String> {
         let mut last = self.last.lock().await;
         if let Some(probed) = last.as_ref()
@@ -56,27 +57,29 @@ impl ReadyProbe {
     }
 }
 
-/// What the service needs for its work.
+/// Readiness of the service.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct Readiness {
-    /// Whether all of it is there.
+    /// True if all checks pass.
     ready: bool,
-    /// Whether the database can be written; else why not.
+    /// Check that the database can be written, with the reason if not.
     database: Check,
-    /// Whether an acknowledged decision outlives the loss of the database's machine, because a
-    /// second one has it by then. `unknown` when the database does not say so.
+    /// Survival of acknowledged decisions after the loss of the database's machine, because a
+    /// second one has them by then. `unknown` if the database does not report it.
     survives_machine_loss: Survival,
-    /// Whether the database has this program's schema.
+    /// Check that the database has a schema for this program.
     migrations: Check,
-    /// Whether the Zenoh session is open and, of an instance of a cluster, reaches a router. The detail
-    /// also says when all places of sessions are taken, and who has the most.
+    /// Check that the Zenoh session is open and, for an instance of a cluster, connected to a
+    /// router. The detail also reports that all places of sessions are taken, and the client with
+    /// the most.
     zenoh: Check,
-    /// Whether this instance is one of its cluster; absent where one service has all robots.
+    /// Check that this instance is a member of its cluster; absent for a single service. The detail
+    /// also names the instances that it does not receive over Zenoh.
     #[serde(skip_serializing_if = "Option::is_none")]
     cluster: Option<Check>,
 }
 
-/// Whether something is sure to survive.
+/// Certainty of a survival.
 #[derive(Debug, Clone, Copy, Serialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 enum Survival {
@@ -85,7 +88,7 @@ enum Survival {
     Unknown,
 }
 
-/// One thing that the service needs.
+/// Check of one requirement.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 struct Check {
     ok: bool,
@@ -102,13 +105,15 @@ impl Check {
     }
 }
 
-/// Says whether the process is of use: not when only a restart would make it write again. A
-/// database that takes no writes is no reason, since a restart would not help; `/readyz` says that.
+/// Checks whether the process works: it fails if only a restart would make it write again.
+///
+/// A database that accepts no writes is no reason, since a restart would not help; `/readyz`
+/// reports it.
 #[utoipa::path(get, path = "/healthz", tag = "service",
     responses(
         (status = OK, description = "The process runs", body = String,
             content_type = "text/plain"),
-        (status = SERVICE_UNAVAILABLE, description = "The database takes writes, but this process \
+        (status = SERVICE_UNAVAILABLE, description = "The database accepts writes, but this process \
             has written nothing for a minute: restart it", body = Problem,
             content_type = "application/problem+json"),
     ))]
@@ -124,9 +129,9 @@ pub(super) async fn healthz(
     Ok("ok\n")
 }
 
-/// Whether the database has a schema that this program can use; else what it has. Instances of two
-/// versions serve one database while they are upgraded one after the other, so that of an instance
-/// may be newer: a migration leaves what the version before it uses.
+/// Checks that this program can use the database's schema; else returns the found one. Instances of
+/// two versions share a database while they are upgraded one after the other, so for an instance
+/// the schema may be newer: a migration keeps everything that the version before it uses.
 async fn schema(store: &Store, membership: &Membership) -> Result<(), String> {
     match store.schema().await {
         Ok((found, known)) if found == known => Ok(()),
@@ -136,7 +141,7 @@ async fn schema(store: &Store, membership: &Membership) -> Result<(), String> {
     }
 }
 
-/// Whether robots can be heard.
+/// Checks that robots can be received.
 fn zenoh(api: &ApiState) -> Result<(), String> {
     if !*api.link_open.borrow() {
         return Err("the Zenoh session is not open".to_owned());
@@ -159,7 +164,7 @@ fn zenoh(api: &ApiState) -> Result<(), String> {
     }
 }
 
-/// Whether this instance can be asked, and will be for a while.
+/// Checks that this instance can serve requests, and will for a while.
 fn joined(cluster: &Cluster, membership: &Membership) -> Result<(), String> {
     if cluster.seat().is_none() {
         return Err("the instance has not joined the cluster".to_owned());
@@ -170,13 +175,20 @@ fn joined(cluster: &Cluster, membership: &Membership) -> Result<(), String> {
     }
 }
 
-/// This instance as its row says.
+/// Instances that this one does not receive, in words.
+fn unheard(membership: &Membership) -> Option<String> {
+    let unheard = own_member(membership)?.hearing.unheard_instances;
+    let names: Vec<_> = unheard.iter().map(InstanceId::as_str).collect();
+    (!names.is_empty()).then(|| format!("not heard over Zenoh: {}", names.join(", ")))
+}
+
+/// Row of this instance.
 fn own_member(membership: &Membership) -> Option<Member> {
     let cluster = membership.cluster()?;
     cluster.snapshot().member(&cluster.seat()?).cloned()
 }
 
-/// Whether acknowledged decisions outlive the database's machine.
+/// Survival of acknowledged decisions after the loss of the database's machine.
 async fn survival(store: &Store) -> Survival {
     match store.survives_machine_loss().await {
         Ok(Some(true)) => Survival::Yes,
@@ -185,9 +197,10 @@ async fn survival(store: &Store) -> Survival {
     }
 }
 
-/// Says whether the service can do its work: the database can be written and has a schema that this
-/// program can use, and the Zenoh session is open. An instance of a cluster also has to be one of it
-/// and to reach a router.
+/// Checks whether the service can work: the database can be written and has a schema that this
+/// program can use, and the Zenoh session is open.
+///
+/// An instance of a cluster must also be a member of it and be connected to a router.
 #[utoipa::path(get, path = "/readyz", tag = "service",
     responses(
         (status = OK, description = "The service is ready", body = Readiness),
@@ -210,7 +223,11 @@ pub(super) async fn readyz(
     };
     let zenoh = zenoh(&api);
     let cluster = api.membership.cluster();
-    let cluster = cluster.map(|cluster| Check::of(joined(cluster, &api.membership)));
+    let mut cluster = cluster.map(|cluster| Check::of(joined(cluster, &api.membership)));
+    if let Some(check) = cluster.as_mut().filter(|check| check.ok) {
+        // Robots go to whoever hears them: it is ready all the same.
+        check.detail = unheard(&api.membership);
+    }
     let survives_machine_loss = if answers {
         survival(&api.store).await
     } else {

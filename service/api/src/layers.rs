@@ -21,12 +21,12 @@ use super::durations::{self, RequestDurations};
 use super::problem::Problem;
 use super::request_head::{self, HeadCheck};
 
-/// Scripts, styles and data come from here alone, and nothing inline runs.
+/// Content security policy: scripts, styles and data come from here alone, and nothing inline runs.
 const CONTENT_SECURITY_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
     img-src 'self' data:; font-src 'self'; connect-src 'self'; manifest-src 'self'; \
     base-uri 'none'; form-action 'self'; frame-ancestors 'none'";
 
-/// Headers of every answer that does not bring its own.
+/// Headers of every answer that does not set its own.
 const SECURITY_HEADERS: [(HeaderName, &str); 6] = [
     (header::CONTENT_SECURITY_POLICY, CONTENT_SECURITY_POLICY),
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
@@ -42,7 +42,7 @@ const SECURITY_HEADERS: [(HeaderName, &str); 6] = [
     ),
 ];
 
-/// Puts the layers of all routes around them.
+/// Wraps the routes in the layers that all of them share.
 pub(super) fn around(routes: Router, head: HeadCheck, durations: RequestDurations) -> Router {
     let request_id = HeaderName::from_static("x-request-id");
     let layers = ServiceBuilder::new()
@@ -71,11 +71,11 @@ pub(super) fn around(routes: Router, head: HeadCheck, durations: RequestDuration
         .layer(layers)
 }
 
-/// Characters of a request's id that the log shows.
+/// Largest number of characters of a request's id in the log.
 const REQUEST_ID_CHARS_MAX: usize = 64;
 
-/// What every line of the log says of the request that it belongs to. The route stands there as the
-/// table of routes has it: a path, a query or a header may hold a secret. The guard adds the actor.
+/// Span of a request, whose fields are in each of its log lines. It has the route in the router's
+/// form, since a path, a query or a header may hold a secret. The guard adds the actor.
 fn span(request: &Request) -> Span {
     let id = request.extensions().get::<RequestId>();
     let id = id.and_then(|id| id.header_value().to_str().ok());
@@ -99,8 +99,8 @@ fn answered(response: &Response, latency: Duration, span: &Span) {
     tracing::debug!(latency_s = latency.as_secs_f64(), "answered");
 }
 
-/// Gives up on a request that takes too long. What a write has begun is seen through all the same,
-/// so nobody can tell yet what becomes of it.
+/// Aborts a request that takes too long. A write that has begun is completed all the same, so its
+/// outcome is unknown at that time.
 pub(super) async fn in_time(request: Request, next: Next) -> Response {
     let reads = request.method().is_safe();
     let longest = if reads {

@@ -1,8 +1,8 @@
-//! HTTP: the API under `/api/v1`, health, metrics, and the dashboard's pages.
+//! HTTP service: the API under `/api/v1`, health, metrics, and the dashboard's pages.
 //!
-//! Nothing outside this crate knows axum. Each route is registered once, by a macro that gives
-//! the router and the OpenAPI document the same path; [`openapi`] therefore lists every route of
-//! the API with its methods, and a layer in [`router`] sees a request's `MatchedPath`.
+//! Nothing outside this crate knows axum. Each route is registered once, by a macro that gives the
+//! router and the OpenAPI document the same path; [`openapi`] therefore lists every route of the
+//! API with its methods, and a layer in [`router`] sees a request's `MatchedPath`.
 
 mod access;
 mod alerts;
@@ -64,51 +64,51 @@ use problem::Problem;
 use request_head::HeadCheck;
 use stream::StreamHub;
 
-/// What the program was built from, for `/metrics`.
+/// Version and commit of the program, for `/metrics`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BuildInfo {
-    /// Its version.
+    /// Version of the program.
     pub version: &'static str,
-    /// The commit of its sources; `unknown` where the build did not say.
+    /// Commit of its sources; `unknown` if the build had none.
     pub commit: &'static str,
 }
 
-/// What the API answers from.
+/// Parts of the service that the API uses.
 #[derive(Debug, Clone)]
 pub struct ApiSetup {
-    /// What answers.
+    /// Version and commit of the program.
     pub build: BuildInfo,
-    /// The robots.
+    /// Robots of the fleet.
     pub fleet: FleetHandle,
-    /// The life cycle of their calibrations.
+    /// Life cycle of their calibrations.
     pub lifecycle: Lifecycle,
-    /// What is wrong with them.
+    /// Evaluator of their alerts.
     pub evaluator: AlertEvaluator,
-    /// Who is told of that.
+    /// Dispatcher of webhook messages.
     pub dispatcher: WebhookDispatcher,
-    /// What is kept of them.
+    /// Store of all records.
     pub store: Store,
-    /// Where time comes from.
+    /// Clock of the service.
     pub clock: SharedClock,
-    /// Whether the Zenoh session is open.
+    /// True while the Zenoh session is open.
     pub link_open: watch::Receiver<bool>,
-    /// Whether this process is one instance of several.
+    /// Membership of this process in a cluster.
     pub membership: Membership,
-    /// The other instances.
+    /// Other instances.
     pub peers: Peers,
-    /// Who gets in.
+    /// Settings of the access.
     pub access: AccessSetup,
-    /// The connections of [`serve`].
+    /// Connections of [`serve`].
     pub connections: Connections,
-    /// Ends the event streams; the rest ends with [`serve`].
+    /// Token that ends the event streams; the other requests end with [`serve`].
     pub stop: CancellationToken,
 }
 
-/// What every handler sees.
+/// State of every handler.
 #[derive(Debug, Clone)]
 struct ApiState {
     build: BuildInfo,
-    /// When the process started, wall time.
+    /// Time at which the process started, wall time.
     started_ns: WallTime,
     durations: RequestDurations,
     fleet: FleetHandle,
@@ -157,8 +157,8 @@ impl ApiState {
 #[openapi(
     info(
         title = "fleetcal",
-        description = "Calibration of fleets of wheeled robots: what each robot's steering offset \
-            and LiDAR extrinsics are, how they went, and what happened to it.\n\nAngles are in \
+        description = "Calibration of fleets of wheeled robots: each robot's steering offset and \
+            LiDAR extrinsics, their history, and the robot's events.\n\nAngles are in \
             radians, lengths in metres, times RFC 3339 in UTC. Errors are `Problem` documents \
             (RFC 9457). Unknown query parameters are refused by name.",
         license(name = "Apache-2.0", identifier = "Apache-2.0"),
@@ -181,7 +181,7 @@ impl ApiState {
 )]
 struct Document;
 
-/// How callers prove who they are, in the description.
+/// Credentials of callers, in the description.
 struct Credentials;
 
 impl Modify for Credentials {
@@ -203,7 +203,7 @@ impl Modify for Credentials {
     }
 }
 
-/// Every route and what stands behind it.
+/// Router with every route and its layers.
 pub fn router(setup: ApiSetup) -> Router {
     let cross_origin = access::cross_origin_refused(setup.access.public_url.as_ref());
     let head = HeadCheck {
@@ -225,14 +225,14 @@ pub fn router(setup: ApiSetup) -> Router {
     layers::around(routes, head, durations)
 }
 
-/// The OpenAPI document of [`router`].
+/// OpenAPI document of [`router`].
 pub fn openapi() -> utoipa::openapi::OpenApi {
     let mut document = documented().into_openapi();
     answers::complete(&mut document);
     document
 }
 
-/// The routes with their description. An event stream has no end, so it is not timed.
+/// Routes with their description. An event stream has no end, so it has no timeout.
 fn documented() -> OpenApiRouter<ApiState> {
     let timed = OpenApiRouter::new()
         .merge(robots::routes())
@@ -253,7 +253,7 @@ fn documented() -> OpenApiRouter<ApiState> {
         .merge(root)
 }
 
-/// Gives this description.
+/// Returns this description.
 #[utoipa::path(get, path = "/openapi.json", tag = "service",
     params(("If-None-Match" = Option<String>, Header,
         description = "The ETag of an earlier response.")),

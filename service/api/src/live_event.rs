@@ -1,4 +1,4 @@
-//! The events of the stream, and what each carries.
+//! Events of the stream, and their contents.
 
 use fleetcal_domain::alert::AlertDocument;
 use fleetcal_fleet::live::LiveUpdate;
@@ -12,46 +12,46 @@ use strum::{EnumDiscriminants, IntoStaticStr};
 use super::robots::{EventDocument, RobotStateDocument};
 use super::rows::Row;
 
-/// An event of the stream: its name is `event` of the server-sent event, and the JSON of its
-/// content is `data`.
+/// Event of the stream: its name is `event` of the server-sent event, and the JSON of its content
+/// is `data`.
 #[derive(Debug, Serialize, utoipa::ToSchema, EnumDiscriminants)]
 #[serde(tag = "event", content = "data", rename_all = "snake_case")]
 #[strum_discriminants(name(EventName), vis(pub(super)), derive(IntoStaticStr))]
 #[strum_discriminants(strum(serialize_all = "snake_case"))]
 #[cfg_attr(test, strum_discriminants(derive(strum::EnumIter)))]
 pub(super) enum LiveEvent<'a> {
-    /// A robot's estimate, once a second for each robot.
+    /// Estimate of a robot, once a second for each robot.
     Estimate(&'a EstimateDocument),
-    /// Lean rows of the robots whose shown values have changed, once a second; only with the topic
-    /// `fleet`.
+    /// Lean rows of the robots whose displayed values have changed, once a second; with the topic
+    /// `fleet` alone.
     Rows(&'a [Row]),
-    /// A robot's state, standing or presence has changed.
+    /// Change of a robot's state, standing or presence.
     RobotState(RobotStateDocument),
-    /// What happened to a robot.
+    /// Event of a robot.
     Event(EventDocument),
-    /// A proposal, deployment or shadow of a robot has changed.
+    /// Change of a robot's proposal, deployment or shadow.
     Approval(ApprovalUpdate<'a>),
-    /// An alert has changed. The state `normal` ends it.
+    /// Change of an alert. The state `normal` ends it.
     Alert(AlertDocument),
-    /// The deployment freeze began or ended.
+    /// Begin or end of the deployment freeze.
     Freeze(NoData),
-    /// The approval policy changed.
+    /// Change of the approval policy.
     Policy(NoData),
-    /// The first event of a new client.
+    /// First event of a new client.
     Ready(NoData),
-    /// The client missed updates and reads again what it shows; the first event of a client that
-    /// returns with `Last-Event-ID`.
+    /// Request to reload, as the client missed updates; the first event of a client that returns
+    /// with `Last-Event-ID`.
     Resync(NoData),
 }
 
-/// A proposal, deployment or shadow of a robot has changed.
+/// Change of a robot's proposal, deployment or shadow.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct ApprovalUpdate<'a> {
-    /// The robot.
+    /// Robot of the records.
     robot: &'a RobotId,
 }
 
-/// The event says all by its name: an empty object.
+/// Content of an event whose name suffices: an empty object.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct NoData {}
 
@@ -63,8 +63,8 @@ impl EventName {
 }
 
 impl<'a> LiveEvent<'a> {
-    /// The event of an update of the fleet; `None` of a robot's state, which is told as it is by
-    /// then.
+    /// Event of an update of the fleet; `None` for a robot's state, whose present value is sent
+    /// instead.
     pub(super) fn of(update: &'a LiveUpdate, now: WallTime) -> Option<Self> {
         Some(match update {
             LiveUpdate::RobotState { .. } => return None,
@@ -87,7 +87,7 @@ impl<'a> LiveEvent<'a> {
         })
     }
 
-    /// The JSON of its content; `None`, which is logged, when it cannot be written.
+    /// JSON of its content; `None`, after a log line, if it cannot be written.
     pub(super) fn data(&self) -> Option<String> {
         let written = match self {
             Self::Estimate(estimate) => serde_json::to_string(estimate),
@@ -106,7 +106,7 @@ impl<'a> LiveEvent<'a> {
     }
 }
 
-/// The robot that an update is about; `None` for one about all or several.
+/// Robot of an update; `None` for one about all or several.
 pub(super) fn robot_of(update: &LiveUpdate) -> Option<&RobotId> {
     match update {
         LiveUpdate::Estimate { robot, .. }

@@ -1,5 +1,5 @@
-//! `/metrics`: what Prometheus reads, by its conventions: names end in their unit, counters in
-//! `_total`, and what is one thing is one family with labels.
+//! Route `/metrics` for Prometheus, by its conventions: names end in their unit, counters in
+//! `_total`, and one quantity is one family with labels.
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
@@ -35,7 +35,7 @@ use super::problem::Problem;
 use super::robots::connection_state;
 use super::{ApiState, BuildInfo};
 
-/// Counters of the service and of each robot, in the text format that Prometheus reads.
+/// Returns counters of the service and of each robot, in the text format that Prometheus reads.
 #[utoipa::path(get, path = "/metrics", tag = "service",
     responses(
         (status = OK,
@@ -67,31 +67,31 @@ pub(super) async fn metrics(
     Ok(([(header::CONTENT_TYPE, kind)], body))
 }
 
-/// The counters at one time.
+/// Counters at one moment.
 #[derive(Debug)]
 struct Snapshot {
     build: BuildInfo,
-    /// When the process started, s since 1970.
+    /// Start of the process, s since 1970.
     started_s: f64,
     fleet: FleetCounters,
     /// Messages of this process's robots that found a full mailbox.
     mailbox_full: u64,
     membership: Membership,
     lost_answers: [(&'static str, u64); 3],
-    /// How many robots are heard how.
+    /// Number of robots of each connection state.
     heard: BTreeMap<ConnectionState, u64>,
-    /// How many robots stand how.
+    /// Number of robots of each standing.
     standings: BTreeMap<Standing, u64>,
     store: StoreCounters,
-    /// How long transactions took, by path.
+    /// Durations of transactions, by path.
     transactions: [(&'static str, Histogram); 2],
-    /// How long estimators took for a scan.
+    /// Times of the estimators for a scan.
     scans: Histogram,
-    /// How long requests took.
+    /// Durations of requests.
     requests: RequestDurations,
     alerts: BTreeMap<(AlertKind, ConditionName), u64>,
     dispatcher: WebhookDispatcherCounters,
-    /// `None` while the database does not say.
+    /// Number of waiting deliveries; `None` if the database fails.
     waiting_deliveries: Option<u64>,
     link_open: bool,
     sessions: usize,
@@ -101,7 +101,7 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    /// Of a cluster's robots each is told of by its own instance alone.
+    /// Counters of this process: each robot of a cluster is reported by its own instance alone.
     fn of(api: &ApiState, waiting_deliveries: Option<u64>) -> (Self, Vec<RobotFigures>) {
         let robots = api.fleet.robots();
         let standings = api.evaluator.standings();
@@ -245,7 +245,7 @@ impl Snapshot {
             .encode(out.encode_descriptor(name, help, None, kind)?)
     }
 
-    /// Everything that was lost or not used: one family, every reason from the start on.
+    /// Encodes the lost and unused messages: one family, with every reason from the start.
     fn encode_dropped(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let fleet = &self.fleet;
         let by_reason = [
@@ -326,7 +326,8 @@ impl Snapshot {
         Ok(())
     }
 
-    /// Every kind in every active state, so that none appears only with its first alert.
+    /// Encodes the alerts: every kind in every active state, so that none appears only with its
+    /// first alert.
     fn encode_alerts(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let help = "Active alerts";
         let mut family = out.encode_descriptor("fleetcal_alerts", help, None, MetricType::Gauge)?;
@@ -397,9 +398,9 @@ impl Snapshot {
     }
 }
 
-/// Resident memory of this process; `None` where the system does not say.
+/// Resident memory of this process, bytes; `None` if the system does not report it.
 fn resident_bytes() -> Option<f64> {
-    /// Linux gives it in pages of this size on the machines that this runs on.
+    /// Page size of Linux on the supported machines.
     const PAGE_BYTES: f64 = 4_096.0;
     let statm = std::fs::read_to_string("/proc/self/statm").ok()?;
     let pages: f64 = statm.split(' ').nth(1)?.parse().ok()?;

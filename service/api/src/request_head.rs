@@ -1,4 +1,4 @@
-//! Checks of a request's header before any route sees it: small enough, and for this host.
+//! Checks of a request's header before any route: its size, and its host.
 
 use axum::extract::{Request, State};
 use axum::http::request::Parts;
@@ -12,16 +12,16 @@ use fleetcal_http::{Connections, PublicUrl, Turned};
 use super::health;
 use super::problem::Problem;
 
-/// What requests are checked against.
+/// Accepted hosts of requests.
 #[derive(Debug, Clone)]
 pub(super) struct HeadCheck {
-    /// The machine's own name.
+    /// Name of this machine.
     pub(super) own_name: String,
-    /// Host and maybe port under which other instances ask.
+    /// Host, and port if any, that other instances use.
     pub(super) among_instances: Option<String>,
-    /// Where people reach the service.
+    /// Public address of the service.
     pub(super) public_url: Option<PublicUrl>,
-    /// Where refusals are counted.
+    /// Counters of the refusals.
     pub(super) connections: Connections,
 }
 

@@ -1,4 +1,4 @@
-//! Lean rows: of each robot what the fleet's list shows, once a second, and only what is new.
+//! Lean rows: the values of each robot in the fleet's list, once a second, and changed ones alone.
 
 use std::collections::BTreeMap;
 
@@ -8,44 +8,44 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{EstimateDocument, ParameterDocument};
 use serde::Serialize;
 
-/// The parameters of a row, in the order of its lists.
+/// Parameters of a row, in the order of its lists.
 const SHOWN: [Parameter; 4] = [
     Parameter::SteeringOffset,
     Parameter::LidarX,
     Parameter::LidarY,
     Parameter::LidarYaw,
 ];
-/// A list shows a thousandth of a degree and a tenth of a millimetre; these are half of that, in
-/// rad, m, m and rad.
+/// Rounding steps of the values, rad, m, m and rad: half of a thousandth of a degree and of a tenth
+/// of a millimetre, which a list shows.
 const STEPS: [f64; 4] = [1e-5, 5e-5, 5e-5, 1e-5];
-/// Distances are told to the metre.
+/// Rounding step of distances, m.
 const DISTANCE_STEP_M: f64 = 1.0;
 
-/// What the fleet's list shows of a robot's estimate. Each list has steering offset (rad), LiDAR x
-/// (m), y (m) and yaw (rad).
+/// Row of a robot's estimate in the fleet's list. Each list has steering offset (rad), LiDAR x (m),
+/// y (m) and yaw (rad).
 #[derive(Debug, Clone, PartialEq, Serialize, utoipa::ToSchema)]
 #[schema(as = RobotRow)]
 pub(super) struct Row {
     robot: RobotId,
-    /// How it stands, in one word.
+    /// Standing of the robot, in one word.
     standing: Standing,
     /// Distance driven in this session, m.
     distance_m: f64,
-    /// Values, to half of what a list shows: 0.0006° and 0.05 mm.
+    /// Values, rounded to half of the digits that a list shows: 0.0006° and 0.05 mm.
     #[schema(value_type = [f64; 4])]
     values: [f64; 4],
-    /// Their standard deviations.
+    /// Standard deviations of the values.
     #[schema(value_type = [f64; 4])]
     sigmas: [f64; 4],
-    /// How far they are known.
+    /// Status of each parameter.
     status: [ParameterStatus; 4],
-    /// Which motion would make them better known; absent when nothing is missing.
+    /// Motions that would improve each parameter; absent if none is needed.
     #[serde(skip_serializing_if = "Option::is_none")]
     needs: Option<[Option<String>; 4]>,
 }
 
 impl Row {
-    /// The row of an estimate of a robot that stands like this.
+    /// Row of an estimate of a robot with this standing.
     pub(super) fn of(robot: &RobotId, standing: Standing, estimate: &EstimateDocument) -> Self {
         let shown = SHOWN.map(|name| estimate.parameters.get(name));
         let needs = shown.map(|parameter| parameter.needs.clone());
@@ -71,16 +71,16 @@ fn rounded(value: f64, step: f64) -> f64 {
     steps / (1.0 / step).round()
 }
 
-/// The rows that are to be told.
+/// Rows to be sent.
 #[derive(Debug, Default)]
 pub(super) struct Rows {
-    /// As each robot's was told last.
+    /// Row of each robot that was last sent.
     told: BTreeMap<RobotId, Row>,
     new: BTreeMap<RobotId, Row>,
 }
 
 impl Rows {
-    /// Takes an estimate of a robot that stands like this.
+    /// Adds an estimate of a robot with this standing.
     pub(super) fn take(
         &mut self,
         robot: &RobotId,
@@ -95,14 +95,14 @@ impl Rows {
         }
     }
 
-    /// Takes how a robot stands now, which the row that is to be told says too.
+    /// Updates the standing in the unsent row of a robot.
     pub(super) fn take_standing(&mut self, robot: &RobotId, standing: Standing) {
         if let Some(row) = self.new.get_mut(robot) {
             row.standing = standing;
         }
     }
 
-    /// Those that have changed since this was last asked.
+    /// Removes and returns the rows that have changed since the last call.
     pub(super) fn take_new(&mut self) -> Vec<Row> {
         let new: Vec<Row> = std::mem::take(&mut self.new).into_values().collect();
         for row in &new {

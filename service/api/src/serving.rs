@@ -1,4 +1,4 @@
-//! The routes upon the service's own accept loop.
+//! Routes on the service's own accept loop.
 
 use std::io;
 
@@ -16,7 +16,7 @@ use super::problem::Problem;
 /// are under way finish.
 ///
 /// # Errors
-/// When the system gives no thread that accepts.
+/// If the system has no thread for the accept loop.
 pub fn serve(
     listener: TcpListener,
     routes: Router,
@@ -31,7 +31,7 @@ pub fn serve(
     fleetcal_http::serve(listener, served, connections, stop)
 }
 
-/// The answer to a request without a place.
+/// Answer to a request without a place.
 fn turned_away(reason: Turned) -> Response {
     let (status, code, detail) = match reason {
         Turned::AddressRequests => (

@@ -1,8 +1,8 @@
 //! Standings of the robots, and the listeners that each change concerns.
 //!
 //! A standing follows from a robot's estimate, records and alerts, from the policy and from the
-//! clock: no one event carries all of its changes. So it is worked out for every robot once a
-//! second, and at once for the robot that an event is about.
+//! clock: no single event covers all of its changes. So it is computed for every robot once a
+//! second, and at once for the robot of an event.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use fleetcal_proto::RobotId;
 
 use super::robots::RobotStateDocument;
 
-/// Where standings come from, and as what listeners heard of them last.
+/// Standings that were last published to listeners, and their sources.
 #[derive(Debug)]
 pub(super) struct ToldStandings {
     fleet: FleetHandle,
@@ -25,7 +25,7 @@ pub(super) struct ToldStandings {
 }
 
 impl ToldStandings {
-    /// Nothing was told yet.
+    /// Makes a collection without any published standing.
     pub(super) const fn new(
         fleet: FleetHandle,
         lifecycle: Lifecycle,
@@ -39,7 +39,7 @@ impl ToldStandings {
         }
     }
 
-    /// How a robot stood last; of one that was never looked at, as it stands now.
+    /// Standing of a robot as last published; the present one before that.
     pub(super) fn known(&mut self, robot: &RobotId) -> Standing {
         if let Some(standing) = self.told.get(robot) {
             return *standing;
@@ -48,7 +48,7 @@ impl ToldStandings {
             .map_or(Standing::Unregistered, |state| state.standing())
     }
 
-    /// A robot's state as it is now, which counts as told; `None` of a robot that is gone.
+    /// Present state of a robot, whose standing counts as published; `None` for an unknown robot.
     pub(super) fn now(&mut self, robot: &RobotId) -> Option<RobotStateDocument> {
         let view = self.fleet.robot(robot)?;
         let standing = self.of(&self.evaluator.standings(), &view);
@@ -56,14 +56,15 @@ impl ToldStandings {
         Some(RobotStateDocument::of(&view, standing))
     }
 
-    /// The same, if the robot stands otherwise than was told.
+    /// Present state of a robot, if its standing differs from the published one.
     pub(super) fn changed(&mut self, robot: &RobotId) -> Option<RobotStateDocument> {
         let before = self.told.get(robot).copied();
         let now = self.now(robot)?;
         (before != Some(now.standing())).then_some(now)
     }
 
-    /// Every robot that stands otherwise than was told; now it counts as told.
+    /// Robots whose standing differs from the published one; the present one then counts as
+    /// published.
     pub(super) fn all_changed(&mut self) -> Vec<RobotStateDocument> {
         let standings = self.evaluator.standings();
         let robots = self.fleet.robots();

@@ -1,6 +1,6 @@
-//! `GET /stream`: live updates as server-sent events.
+//! Route `GET /stream`: live updates as server-sent events.
 //!
-//! One task writes each update once, however many listen; each listener gets what it asked for.
+//! One task writes each update once for all listeners; each listener receives its topics.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -33,17 +33,17 @@ use super::standings::ToldStandings;
 use super::topics::{Topics, Wanted};
 use super::{ApiSetup, ApiState};
 
-/// One update, written out.
+/// Update in its written form.
 #[derive(Debug)]
 struct Frame {
     id: u64,
     name: EventName,
-    /// Whom it is about; `None` for all.
+    /// Robot of the update; `None` for one about all.
     robot: Option<RobotId>,
     data: String,
 }
 
-/// Where listeners of the event stream come to.
+/// Hub of the event stream, to which listeners subscribe.
 #[derive(Debug, Clone)]
 pub(super) struct StreamHub {
     frames: broadcast::Sender<Arc<Frame>>,
@@ -53,7 +53,7 @@ pub(super) struct StreamHub {
     stop: CancellationToken,
 }
 
-/// The place of one listener, which is free again when this goes.
+/// Place of one listener, which is released when this is dropped.
 #[derive(Debug)]
 struct ListenerPlace {
     _place: OwnedSemaphorePermit,
@@ -62,7 +62,7 @@ struct ListenerPlace {
 }
 
 impl StreamHub {
-    /// Starts to write out what the fleet tells, until `stop`.
+    /// Starts to write the fleet's updates, until `stop`.
     pub(super) fn start(setup: &ApiSetup) -> Self {
         let (frames, _) = broadcast::channel(limits::LIVE_UPDATES_MAX);
         let hub = Self {
@@ -85,8 +85,8 @@ impl StreamHub {
         hub
     }
 
-    /// A place for one more listener, unless there are too many of all, of this caller, or of this
-    /// address.
+    /// Reserves a place for one more listener, unless all, this caller or this address have too
+    /// many.
     fn place(&self, caller: &Caller, address: PeerAddress) -> Result<ListenerPlace, Problem> {
         let of_caller = self.of_caller.take(caller.actor.key()).ok_or_else(|| {
             let detail = format!(
@@ -118,7 +118,7 @@ impl StreamHub {
     }
 }
 
-/// Writes each update out once, however many listen.
+/// Writer of each update, once for all listeners.
 #[derive(Debug)]
 struct Writer {
     live: broadcast::Receiver<LiveUpdate>,
@@ -126,7 +126,7 @@ struct Writer {
     rows: Rows,
     clock: SharedClock,
     hub: StreamHub,
-    /// Of the last event.
+    /// Id of the last event.
     id: u64,
 }
 
@@ -149,12 +149,12 @@ impl Writer {
         }
     }
 
-    /// Whoever comes reads the robots first, and hears of what is new since.
+    /// True if there are listeners: a new one reads the robots first, and receives later changes.
     fn is_heard(&self) -> bool {
         self.hub.frames.receiver_count() > 0
     }
 
-    /// Tells how robots stand that no event was about, and the rows that have changed.
+    /// Publishes changed standings that no event was about, and the changed rows.
     fn tick(&mut self) {
         // Also while nobody listens: what changes after somebody has read the robots is told.
         for state in self.standings.all_changed() {
@@ -216,7 +216,7 @@ impl Writer {
 }
 
 impl Frame {
-    /// Writes out an event about a robot (`None`: about all).
+    /// Writes an event about a robot (`None`: about all).
     fn of(id: u64, robot: Option<&RobotId>, event: &LiveEvent<'_>) -> Option<Self> {
         Some(Self {
             id,
@@ -231,10 +231,10 @@ impl Frame {
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StreamParameters {
-    /// Only updates of this robot; of all unless given.
+    /// Robot of the updates; all robots unless given.
     #[param(value_type = Option<RobotId>)]
     robot: Option<String>,
-    /// Only these topics, separated by commas: `fleet` (lean rows and states of all robots),
+    /// Topics of the updates, separated by commas: `fleet` (lean rows and states of all robots),
     /// `robot:ID` (everything about this robot), `alerts`, `approvals`, `deployments` (policy and
     /// deployment freeze). At most 8.
     topics: Option<String>,
@@ -242,8 +242,8 @@ pub(super) struct StreamParameters {
 
 /// Streams live updates as server-sent events.
 ///
-/// Each is a `LiveEvent`: `event` is its name and `data` its content as JSON. A client that accepts
-/// gzip gets it, each event flushed by itself.
+/// Each is a `LiveEvent`: `event` is its name and `data` its content as JSON. The stream is
+/// compressed for a client that accepts gzip, with a flush after each event.
 #[utoipa::path(
     get,
     path = "/stream",
@@ -295,7 +295,7 @@ pub(super) async fn get_stream(
     })
 }
 
-/// The stream of one listener, whose place is free again when the stream goes.
+/// Stream of one listener, whose place is released when the stream is dropped.
 fn holding(
     place: ListenerPlace,
     events: impl stream::Stream<Item = Event>,
@@ -306,8 +306,8 @@ fn holding(
     })
 }
 
-/// A frame as an event; `None` for a frame that the listener did not ask for. A listener that
-/// lagged behind and lost frames is told to read again.
+/// Event of a frame; `None` for a frame outside the listener's topics. A listener that lagged and
+/// lost frames receives the request to reload.
 fn event(frame: Option<Arc<Frame>>, wanted: &Wanted) -> Option<Event> {
     let Some(frame) = frame else {
         return Some(
@@ -342,7 +342,7 @@ fn robot_named(id: &str) -> Result<RobotId, Problem> {
     })
 }
 
-/// The route of the event stream.
+/// Route of the event stream.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new().routes(routes!(get_stream))
 }

@@ -1,4 +1,4 @@
-//! Topics of the event stream: no page receives what it does not show.
+//! Topics of the event stream: a page receives only the topics that it shows.
 
 use std::collections::BTreeSet;
 
@@ -9,29 +9,29 @@ use super::live_event::EventName;
 use super::problem::Problem;
 use fleetcal_domain::limits;
 
-/// One of the topics of the event stream.
+/// Topic of the event stream.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 enum Topic {
-    /// A lean row of each robot, and its state.
+    /// Lean row of each robot, and its state.
     Fleet,
-    /// Everything about one robot.
+    /// All events about one robot.
     Robot(RobotId),
     /// Changes of alerts.
     Alerts,
-    /// That a robot's proposals, deployments or shadow have changed.
+    /// Changes of a robot's proposals, deployments or shadow.
     Approvals,
-    /// That the policy or the deployment freeze has changed.
+    /// Changes of the policy or the deployment freeze.
     Deployments,
 }
 
-/// What a listener wants to hear.
+/// Updates that a listener wants.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Wanted {
-    /// All but the lean rows, whose robots it hears of whole.
+    /// All updates but the lean rows, whose estimates it receives in full.
     All,
-    /// The same of one robot.
+    /// All updates about one robot but the lean rows.
     OfRobot(RobotId),
-    /// These topics.
+    /// Updates of these topics.
     Topics(Topics),
 }
 
@@ -40,7 +40,7 @@ pub(super) enum Wanted {
 pub(super) struct Topics(BTreeSet<Topic>);
 
 impl Topics {
-    /// Reads `fleet,robot:tugger_01,alerts`.
+    /// Parses a list such as `fleet,robot:tugger_01,alerts`.
     pub(super) fn parse(text: &str) -> Result<Self, Problem> {
         const ACCEPTED: &str =
             "fleet, robot:ID, alerts, approvals and deployments, separated by commas";
@@ -76,7 +76,7 @@ impl Topics {
 }
 
 impl Wanted {
-    /// Whether an event of this name about this robot (`None`: about none alone) is wanted.
+    /// True if an event of this name about this robot (`None`: about no single one) is wanted.
     pub(super) fn includes(&self, name: EventName, robot: Option<&RobotId>) -> bool {
         match self {
             Self::All => name != EventName::Rows,

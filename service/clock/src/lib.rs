@@ -11,17 +11,17 @@ use fleetcal_model::WallTime;
 
 /// A source of time.
 pub trait Clock: std::fmt::Debug + Send + Sync + 'static {
-    /// Wall time. It may jump.
+    /// Returns the wall time. It may jump.
     fn now(&self) -> WallTime;
 
-    /// Time since the clock was made. It never goes back.
+    /// Returns the time since the clock was made. It never goes back.
     fn elapsed(&self) -> Duration;
 
-    /// Time since the machine was started, which goes on while it sleeps: leases run on it.
+    /// Returns the time since the machine was started, which includes its sleep: leases run on it.
     fn uptime(&self) -> Duration;
 }
 
-/// A clock that is handed around.
+/// A shared clock.
 pub type SharedClock = Arc<dyn Clock>;
 
 /// The machine's clocks.
@@ -31,7 +31,7 @@ pub struct SystemClock {
 }
 
 impl SystemClock {
-    /// A clock whose [`Clock::elapsed`] begins now.
+    /// Makes a clock whose [`Clock::elapsed`] begins now.
     #[expect(clippy::disallowed_methods, reason = "this is where time enters")]
     pub fn start() -> Self {
         Self {
@@ -57,7 +57,7 @@ impl Clock for SystemClock {
     }
 }
 
-/// A clock that goes on only when it is told to.
+/// A clock that advances on command only.
 #[derive(Debug, Default)]
 pub struct MockClock {
     wall_ns: AtomicI64,
@@ -65,7 +65,7 @@ pub struct MockClock {
 }
 
 impl MockClock {
-    /// A clock that shows `wall_ns` and has not run yet.
+    /// Makes a clock that shows `wall_ns` and has not run yet.
     pub fn at(wall_ns: i64) -> Arc<Self> {
         Arc::new(Self {
             wall_ns: AtomicI64::new(wall_ns),
@@ -73,7 +73,7 @@ impl MockClock {
         })
     }
 
-    /// Lets `step` pass on both clocks.
+    /// Advances both clocks by `step`.
     pub fn advance(&self, step: Duration) {
         let step_ns = u64::try_from(step.as_nanos()).unwrap_or(u64::MAX);
         self.elapsed_ns.fetch_add(step_ns, Ordering::SeqCst);
@@ -101,7 +101,8 @@ impl Clock for MockClock {
     }
 }
 
-/// CPU time that this thread has used. It measures work, and no decision rests on it.
+/// Returns the CPU time that this thread has used. It measures work, and decisions do not depend on
+/// it.
 pub fn thread_cpu() -> Duration {
     duration_of(rustix::time::clock_gettime(
         rustix::time::ClockId::ThreadCPUTime,

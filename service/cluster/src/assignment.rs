@@ -9,25 +9,26 @@ use sha2::{Digest, Sha256};
 use crate::InstanceId;
 use crate::tenure::Seat;
 
-/// Who should estimate which robot.
+/// Instance that should estimate each robot.
 pub type Assignment = BTreeMap<RobotId, Seat>;
 
-/// An instance that can take robots, with its weight.
+/// Instance that can have robots, with its weight.
 #[derive(Debug, Clone, Copy)]
 pub struct Candidate<'a> {
-    /// Who.
+    /// Seat of the instance.
     pub seat: &'a Seat,
-    /// Its weight against others, at least 1.
+    /// Weight in the distribution of robots, at least 1.
     pub capacity: u32,
 }
 
-/// Gives each robot an instance. Shares go by capacity, to within one robot. Whoever has a robot
-/// keeps it as far as its share goes; robots that move, and those that nobody has, go to instances
-/// with room in the order of rendezvous hashing (Thaler and Ravishankar, 1998). All instances that
-/// have read the same rows come to the same result.
+/// Assigns each robot to an instance. Shares are proportional to capacity, to within one robot. An
+/// owner keeps its robots within its share; robots that move, and those without an owner, go to
+/// instances with room in the order of rendezvous hashing (Thaler and Ravishankar, 1998). All
+/// instances that have read the same rows compute the same result.
 ///
-/// `robots` says who has each robot now; `can_have` whether an instance can go on from a robot's
-/// stored state, and hears it. A robot that no candidate can have is left out.
+/// `robots` has the present owner of each robot; `can_have` is true if an instance can continue
+/// from a robot's stored state, and receives it. A robot that no candidate can have is absent from
+/// the result.
 pub fn assign(
     candidates: &[Candidate<'_>],
     robots: &BTreeMap<RobotId, Option<&Seat>>,
@@ -85,8 +86,9 @@ pub fn assign(
     assignment
 }
 
-/// How many robots each gets: its share by capacity, whole numbers that add up to all robots. What
-/// is left over by rounding goes to those who have most, so that nothing moves because of it.
+/// Number of robots of each candidate: its share by capacity, as whole numbers that add up to all
+/// robots. The remainder of the rounding goes to those with the most robots, so that none moves
+/// because of it.
 fn shares<'a>(
     candidates: &[Candidate<'a>],
     owned: &BTreeMap<&'a Seat, Vec<&RobotId>>,
@@ -114,7 +116,7 @@ fn shares<'a>(
     shares
 }
 
-/// How well an instance suits a subject, whatever else there is.
+/// Rendezvous score of an instance for a subject, independent of the others.
 pub(crate) fn score(instance: &InstanceId, subject: &str) -> u64 {
     let mut hasher = Sha256::new();
     hasher.update(instance.as_str().as_bytes());
@@ -190,7 +192,7 @@ mod tests {
     }
 
     proptest! {
-        /// At most `robots / n` robots move, rounded up, to an instance that joins.
+        /// Property: at most `robots / n` robots, rounded up, move to an instance that joins.
         #[test]
         fn who_joins_gets_its_share_and_nothing_else_moves(
             before in 1_usize..6, robots in 1_usize..300
@@ -211,7 +213,7 @@ mod tests {
             prop_assert_eq!(second, third, "what is balanced stays");
         }
 
-        /// Of an instance that leaves, its robots alone move.
+        /// Property: of all robots only those of an instance that leaves move.
         #[test]
         fn who_leaves_takes_nobody_elses_robot(before in 2_usize..6, robots in 1_usize..300) {
             let seats = seats(before);

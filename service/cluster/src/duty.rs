@@ -2,7 +2,7 @@
 
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
-/// Something that one instance does for all robots. It has a row like a robot's.
+/// Duty that one instance performs for all robots. It has a row like a robot's.
 #[derive(
     Debug,
     Clone,
@@ -18,18 +18,18 @@ use strum::{EnumString, IntoStaticStr, VariantArray};
 )]
 #[strum(serialize_all = "snake_case")]
 pub enum Duty {
-    /// Holds every robot against the rules of alerts.
+    /// Evaluates the alert rules for every robot.
     Alerts,
     /// Sends messages to webhooks.
     Webhooks,
-    /// Deletes what is too old.
+    /// Deletes old records.
     Retention,
-    /// Looks for robots that nobody has registered.
+    /// Discovers robots that are not registered.
     Discovery,
 }
 
 impl Duty {
-    /// All of them.
+    /// Every duty.
     pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
 
     /// The name in rows and documents.
@@ -37,7 +37,7 @@ impl Duty {
         self.into()
     }
 
-    /// The duty of this name.
+    /// Parses the name of a duty.
     pub fn parse(name: &str) -> Option<Self> {
         name.parse().ok()
     }

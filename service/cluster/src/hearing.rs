@@ -1,5 +1,6 @@
-//! Hearing on Zenoh. Where the routers are cut from each other, the instances at either
-//! side still agree by the database, but neither hears the robots at the other one.
+//! Instances and robots received on Zenoh. If the routers lose their connection to each other, the
+//! instances at both sides still agree by the database, but neither side receives the other's
+//! robots.
 
 use std::collections::BTreeSet;
 
@@ -7,14 +8,14 @@ use fleetcal_proto::RobotId;
 
 use crate::InstanceId;
 
-/// Instances and robots that an instance hears, as its row says. Empty while it hears every other instance, and is heard by
-/// them.
+/// Instances and robots that an instance receives, from its row. Empty while it receives every
+/// other instance, and they receive it.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Hearing {
-    /// Other instances that it does not hear.
+    /// Other instances that it does not receive.
     pub unheard_instances: BTreeSet<InstanceId>,
-    /// Of the robots to which it listens, those that it hears.
+    /// Subscribed robots that it receives.
     pub heard_robots: BTreeSet<RobotId>,
-    /// Of the robots to which it listens, those that it does not hear.
+    /// Subscribed robots that it does not receive.
     pub unheard_robots: BTreeSet<RobotId>,
 }

@@ -1,45 +1,46 @@
-//! Lease of an instance: the time for which it may believe that it has its robots.
+//! Lease of an instance: the time for which it may assume that it has its robots.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use fleetcal_domain::limits::{CLUSTER_LEASE, CLUSTER_LEASE_MARGIN};
 
-/// An instance's own view of its lease. The database ends a lease [`CLUSTER_LEASE`] after it ran
-/// the renewal; the instance stops acting [`CLUSTER_LEASE_MARGIN`] before that, counted from when it
-/// asked. Both run on clocks that go on while a machine sleeps.
+/// View of an instance on its own lease. The database ends a lease [`CLUSTER_LEASE`] after it ran
+/// the renewal; the instance stops acting [`CLUSTER_LEASE_MARGIN`] before that, counted from its
+/// request. Both use clocks that run on while a machine sleeps.
 ///
-/// Shared by all that sends: whoever puts something about a robot asks [`Lease::holds`] in the line before.
+/// All senders share it: each publication about a robot checks [`Lease::holds`] in the line before.
 #[derive(Debug, Default)]
 pub struct Lease {
-    /// Running time, ns; 0 while there is no lease.
+    /// Running time up to which the lease is trusted, ns; 0 without a lease.
     trusted_until_ns: AtomicU64,
 }
 
 impl Lease {
-    /// Until when a renewal is trusted that was asked for at `asked_at`, both running time.
+    /// Running time up to which a renewal that was requested at `asked_at` (running time) is
+    /// trusted.
     pub const fn trusted_after(asked_at: Duration) -> Duration {
         asked_at.saturating_add(CLUSTER_LEASE.saturating_sub(CLUSTER_LEASE_MARGIN))
     }
 
-    /// Takes that a renewal, which was asked for at `asked_at`, was granted.
+    /// Records that a renewal was granted, which was requested at `asked_at`.
     pub fn renewed(&self, asked_at: Duration) {
         let until_ns = Self::trusted_after(asked_at).as_nanos();
         let until_ns = u64::try_from(until_ns).unwrap_or(u64::MAX);
         self.trusted_until_ns.fetch_max(until_ns, Ordering::SeqCst);
     }
 
-    /// Takes that somebody else has taken this instance for dead.
+    /// Records that another instance has declared this one dead.
     pub fn lost(&self) {
         self.trusted_until_ns.store(0, Ordering::SeqCst);
     }
 
-    /// Whether the instance may act on its robots at `now`, running time.
+    /// True if the instance may act on its robots at `now`, running time.
     pub fn holds(&self, now: Duration) -> bool {
         now < self.trusted_until()
     }
 
-    /// Until when it may, running time.
+    /// Running time up to which it may.
     pub fn trusted_until(&self) -> Duration {
         Duration::from_nanos(self.trusted_until_ns.load(Ordering::SeqCst))
     }

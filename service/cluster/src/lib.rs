@@ -1,11 +1,12 @@
 //! Assignment of estimators to the instances of a cluster, decided from rows alone.
 //!
-//! Each process of `fleetcal serve` has one lease, and each robot one row that says who estimates
-//! it. The rows say who *may*; [`plan`] says who *should*. Exclusion rests on the database: a write
-//! names its [`Tenure`], and the transaction that writes it holds the row of the instance's lease.
-//! What leaves over Zenoh passes the [`Lease`], whose time ends before the database's does.
+//! Each process of `fleetcal serve` has one lease, and each robot one row with the instance that
+//! estimates it. The rows state the present owners; [`plan`] computes the desired ones. Exclusion
+//! rests on the database: a write names its [`Tenure`], and the transaction that writes it holds
+//! the row of the instance's lease. Publications over Zenoh check the [`Lease`], whose time ends
+//! before the database's does.
 //!
-//! Nothing here knows a database, a network or a clock.
+//! This crate uses no database, network or clock.
 
 mod assignment;
 mod duty;

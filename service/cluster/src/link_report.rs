@@ -7,29 +7,30 @@ use fleetcal_domain::limits::{CLUSTER_LEASE, CLUSTER_LOOK_EVERY};
 
 use crate::InstanceId;
 
-/// An instance sends a heartbeat over Zenoh this often.
+/// Interval of an instance's heartbeats over Zenoh.
 pub const HEARTBEAT_EVERY: Duration = Duration::from_millis(100);
-/// One whose heartbeats have been missing for so long is silent: two may be late or lost.
+/// Time without heartbeats after which an instance is silent: two may be late or lost.
 pub const HEARTBEATS_MISSING_AFTER: Duration = Duration::from_millis(300);
-/// What sends no heartbeat for so long and still has a token is a program that sends none.
+/// Time without heartbeats after which an instance that still has a token is a program that sends
+/// none.
 const TOKEN_OUTLIVES_CUT_MAX: Duration = Duration::from_secs(30);
-/// Two looks at the heartbeats that are further apart say nothing together: who looks was held up, and the
-/// heartbeats of meanwhile still wait to be read.
+/// Largest distance of two looks at the heartbeats that may be compared: with a longer one the
+/// process was held up, and heartbeats of that time are still unread.
 const LOOKS_APART_MAX: Duration = CLUSTER_LOOK_EVERY.saturating_mul(2);
 
-/// What an instance's link to Zenoh says of itself.
+/// Report of an instance's link to Zenoh.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct LinkReport {
-    /// Whether robots reach this instance.
+    /// True if robots reach this instance.
     pub linked: bool,
-    /// Instances whose liveliness tokens stand.
+    /// Instances whose liveliness tokens are present.
     pub present: BTreeSet<InstanceId>,
-    /// When the latest heartbeat of each of these came, running time; an older program sends none.
+    /// Receipt of the latest heartbeat of each, running time; an older program sends none.
     heartbeats: BTreeMap<InstanceId, Duration>,
 }
 
 impl LinkReport {
-    /// Notes that the token of an instance stands, or is gone; gives whether this is new.
+    /// Records that the token of an instance is present or gone; returns true if this is new.
     pub fn note_token(&mut self, instance: InstanceId, stands: bool) -> bool {
         if stands {
             return self.present.insert(instance);
@@ -38,15 +39,16 @@ impl LinkReport {
         self.present.remove(&instance)
     }
 
-    /// Notes a heartbeat that came at `now`, running time. Without a token it is not noted.
+    /// Records a heartbeat received at `now`, running time. Without a token it is ignored.
     pub fn note_heartbeat(&mut self, instance: InstanceId, now: Duration) {
         if self.present.contains(&instance) {
             self.heartbeats.insert(instance, now);
         }
     }
 
-    /// Says whether an instance is heard at `now`, running time: its token stands, and its heartbeats come if
-    /// any has. A token outlives a cut of the routers by Zenoh's `lease`, ten seconds unless configured.
+    /// True if an instance is received at `now`, running time: its token is present, and its
+    /// heartbeats arrive if one ever has. A token outlives a disconnection of the routers by
+    /// Zenoh's `lease`, ten seconds unless configured.
     pub fn hears(&self, instance: &InstanceId, now: Duration) -> bool {
         let missing_for = |at: &Duration| now.saturating_sub(*at);
         let latest = self.heartbeats.get(instance).map(missing_for);
@@ -56,10 +58,10 @@ impl LinkReport {
         self.present.contains(instance) && !is_missing
     }
 
-    /// Whether the heartbeats of an instance are missing at `now`, running time, while its token stands:
-    /// where the transport closes nothing for a killed process, as QUIC, the token outlives it by
-    /// Zenoh's `lease`. After a lease of the cluster the database has decided: what still has a token then
-    /// is a program that sends no heartbeats.
+    /// True if the heartbeats of an instance are missing at `now`, running time, while its token is
+    /// present: with a transport that closes nothing for a killed process, such as QUIC, the token
+    /// outlives the process by Zenoh's `lease`. After a lease of the cluster the database has
+    /// decided: an instance that still has a token is then a program that sends no heartbeats.
     pub fn is_silent(&self, instance: &InstanceId, now: Duration) -> bool {
         let missing_for = |at: &Duration| now.saturating_sub(*at);
         let latest = self.heartbeats.get(instance).map(missing_for);
@@ -67,7 +69,7 @@ impl LinkReport {
     }
 }
 
-/// The instances that were silent at the last look.
+/// Instances that were silent at the last look.
 #[derive(Debug, Default)]
 pub struct Silence {
     looked_at: Duration,
@@ -75,8 +77,8 @@ pub struct Silence {
 }
 
 impl Silence {
-    /// Takes those that are silent at `now`, running time; gives those that were silent shortly before
-    /// as well.
+    /// Stores the instances that are silent at `now`, running time; returns those of them that were
+    /// silent shortly before as well.
     pub fn lasting(&mut self, silent: BTreeSet<InstanceId>, now: Duration) -> BTreeSet<InstanceId> {
         let was_held_up = now.saturating_sub(self.looked_at) > LOOKS_APART_MAX;
         let before = std::mem::replace(&mut self.silent, silent);
@@ -98,7 +100,7 @@ mod tests {
         InstanceId::parse("b").unwrap()
     }
 
-    /// A token stands, and a heartbeat came.
+    /// Report with a token and a heartbeat.
     fn heard() -> LinkReport {
         let mut report = LinkReport::default();
         assert!(report.note_token(b(), true));

@@ -1,4 +1,5 @@
-//! Listening of an instance on Zenoh: whom it hears, of the instances and robots that the rows name.
+//! Subscriptions of an instance on Zenoh, and the instances and robots of the rows that it
+//! receives.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -14,24 +15,25 @@ use crate::link_report::LinkReport;
 use crate::plan::Snapshot;
 use crate::tenure::Seat;
 
-/// Two looks that are further apart say nothing together: who looks was held up, and what it was sent
-/// meanwhile still waits to be read.
+/// Largest distance of two looks that may be compared: with a longer one the process was held up,
+/// and messages of that time are still unread.
 const LOOKS_APART_MAX: Duration = CLUSTER_LOOK_EVERY.saturating_mul(2);
 
-/// Memory of an instance that finds out whom it hears.
+/// Memory of an instance that determines which others it receives.
 #[derive(Debug, Default)]
 pub struct Listening {
     looked_at: Duration,
-    /// Since when it has looked without being held up.
+    /// Begin of the time in which it has looked without being held up.
     steady_since: Duration,
-    /// Since when each other instance is not heard.
+    /// Begin of the time in which each other instance is not received.
     missing_since: BTreeMap<InstanceId, Duration>,
-    /// Since when it listens to each robot.
+    /// Begin of its subscription to each robot.
     listens_since: BTreeMap<RobotId, Duration>,
 }
 
 impl Listening {
-    /// Looks at `now`, running time; `quiet_for` gives the time since the latest message of a robot.
+    /// Determines what it receives at `now`, running time; `quiet_for` returns the time since the
+    /// latest message of a robot.
     pub fn look(
         &mut self,
         me: &Seat,
@@ -63,17 +65,17 @@ impl Listening {
         hearing
     }
 
-    /// The robots to which it listens.
+    /// Robots that it subscribes to.
     pub fn robots(&self) -> impl Iterator<Item = &RobotId> {
         self.listens_since.keys()
     }
 
-    /// Says whether it listens to a robot.
+    /// True if it subscribes to a robot.
     pub fn listens_to(&self, robot: &RobotId) -> bool {
         self.listens_since.contains_key(robot)
     }
 
-    /// The other instances of which nothing has come for long enough.
+    /// Other instances that were not received for long enough.
     fn unheard(
         &mut self,
         me: &Seat,
@@ -98,8 +100,8 @@ impl Listening {
     }
 }
 
-/// The robots to listen to while instances do not hear each other: its own, those of instances with
-/// which it is not in touch, and those that nobody has.
+/// Robots to subscribe to while instances do not receive each other: its own, those of unconnected
+/// instances, and those without an owner.
 fn robots_to_hear(
     me: &Seat,
     snapshot: &Snapshot,
@@ -127,13 +129,13 @@ mod tests {
     use super::*;
     use crate::plan::tests::{cluster, robot, seat};
 
-    /// Instances a and b with a robot each, as a sees them, and both robots at the router of b.
+    /// Instances a and b with a robot each, from a's side, and both robots at the router of b.
     struct Cut {
         listening: Listening,
         snapshot: Snapshot,
         link: LinkReport,
         now: Duration,
-        /// Robots that a hears.
+        /// Robots that a receives.
         sending: BTreeSet<RobotId>,
     }
 
@@ -163,7 +165,7 @@ mod tests {
             listening.look(&seat("a"), snapshot, link, *now, quiet)
         }
 
-        /// Looks for so long; gives the last one.
+        /// Looks for this long; returns the last result.
         fn look_for(&mut self, lasts: Duration) -> Hearing {
             let end = self.now + lasts;
             while self.now < end {

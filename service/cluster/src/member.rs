@@ -1,4 +1,4 @@
-//! The instances of a cluster.
+//! Members of a cluster.
 
 use std::time::Duration;
 
@@ -7,45 +7,46 @@ use fleetcal_domain::limits::CLUSTER_CLOCK_USED_UP_TO;
 use crate::hearing::Hearing;
 use crate::tenure::Seat;
 
-/// An instance as its row says.
+/// Member of a cluster, from its row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Member {
-    /// Which life of which instance.
+    /// Seat of the instance.
     pub seat: Seat,
     /// Time until its lease ends, by the database's clock; zero once it has ended.
     pub lease_left: Duration,
-    /// Whether it has left, or was taken for dead: what it had is free.
+    /// True if it has left or was declared dead: its robots and duties are free.
     pub is_ended: bool,
-    /// Its share of the robots against that of others.
+    /// Weight in the distribution of robots.
     pub capacity: u32,
-    /// Whether it gives its robots away, because it is about to end.
+    /// True if it hands its robots over, because it is about to end.
     pub draining: bool,
-    /// Whether it reaches a Zenoh router, so that robots reach it, and its clock is right enough.
+    /// True if it is connected to a Zenoh router, so that robots reach it, and its clock is
+    /// accurate enough.
     pub linked: bool,
-    /// Instances and robots that it hears on Zenoh.
+    /// Instances and robots that it receives on Zenoh.
     pub hearing: Hearing,
-    /// Where other instances reach its HTTP API.
+    /// Address of its HTTP API for other instances.
     pub url: String,
     /// Version of its program.
     pub program: String,
-    /// The newest format of a checkpoint that it can read.
+    /// Newest format of a checkpoint that it can read.
     pub checkpoint_format: i64,
-    /// Hash of the part of its configuration in which instances have to agree.
+    /// Hash of the part of its configuration that all instances must share.
     pub config_sha256: Vec<u8>,
-    /// By how much its wall clock was ahead of the database's at its last renewal, ns.
+    /// Lead of its wall clock over the database's at its last renewal, ns.
     pub clock_ahead_ns: i64,
-    /// When it joined, wall time of the database, ns.
+    /// Time at which it joined, wall time of the database, ns.
     pub joined_ns: i64,
 }
 
 impl Member {
-    /// Whether a wall clock that is so far ahead of the database's, ns, is right enough to estimate robots by:
-    /// their times are compared with it.
+    /// True if a wall clock with this lead over the database's, ns, is accurate enough to estimate
+    /// robots, whose times are compared with it.
     pub fn has_right_time(clock_ahead_ns: i64) -> bool {
         u128::from(clock_ahead_ns.unsigned_abs()) <= CLUSTER_CLOCK_USED_UP_TO.as_nanos()
     }
 
-    /// Whether its lease has not ended.
+    /// True if its lease has not ended.
     pub fn is_live(&self) -> bool {
         !self.lease_left.is_zero()
     }

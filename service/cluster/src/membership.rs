@@ -14,7 +14,7 @@ use crate::member::Member;
 use crate::plan::Snapshot;
 use crate::tenure::{Seat, Tenure};
 
-/// Whether this process is alone, or one instance of several. Cheap to clone.
+/// Membership of a process that is alone, or one instance of several. Cheap to clone.
 #[derive(Debug, Clone, Default)]
 pub struct Membership {
     cluster: Option<Arc<Cluster>>,
@@ -28,48 +28,48 @@ pub struct Cluster {
     known: RwLock<Known>,
 }
 
-/// What the rows said last, and what this instance has by them.
+/// Latest rows that were read, and the robots and duties of this instance by them.
 #[derive(Debug, Default)]
 struct Known {
     seat: Option<Seat>,
     snapshot: Arc<Snapshot>,
     tenures: BTreeMap<RobotId, Tenure>,
     duties: BTreeSet<Duty>,
-    /// When the database answered last, running time.
+    /// Time of the database's last answer, running time.
     answered_at: Option<Duration>,
     last_takeover: Option<Takeover>,
     takeovers: u64,
 }
 
-/// That this instance has taken over what another one had.
+/// Takeover from another instance.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Takeover {
-    /// From whom.
+    /// Former owner.
     pub from: InstanceId,
-    /// When, wall time.
+    /// Time of the takeover, wall time.
     pub at: WallTime,
-    /// How many robots became free by it.
+    /// Number of robots that became free.
     pub robots: usize,
 }
 
-/// Where a robot is estimated.
+/// Place at which a robot is estimated.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Whereabouts {
-    /// By this process.
+    /// This process.
     Here,
-    /// By this instance.
+    /// Another instance.
     At(Box<Member>),
-    /// By nobody at this moment.
+    /// None at this moment.
     Nowhere,
 }
 
 impl Membership {
-    /// A process that has all robots.
+    /// Makes the membership of a process that has all robots.
     pub fn alone() -> Self {
         Self::default()
     }
 
-    /// An instance of a cluster, which has nothing yet.
+    /// Makes the membership of an instance that has no robot yet.
     pub fn of(instance: InstanceId) -> Self {
         let cluster = Cluster {
             instance,
@@ -81,36 +81,37 @@ impl Membership {
         }
     }
 
-    /// The cluster; `None` of a process that is alone.
+    /// Cluster of the process; `None` if it is alone.
     pub fn cluster(&self) -> Option<&Arc<Cluster>> {
         self.cluster.as_ref()
     }
 
-    /// Whether this process estimates a robot.
+    /// True if this process estimates a robot.
     pub fn has(&self, robot: &RobotId) -> bool {
         let cluster = self.cluster.as_ref();
         cluster.is_none_or(|cluster| cluster.known().tenures.contains_key(robot))
     }
 
-    /// Whether this process has a duty.
+    /// True if this process has a duty.
     pub fn does(&self, duty: Duty) -> bool {
         let cluster = self.cluster.as_ref();
         cluster.is_none_or(|cluster| cluster.known().duties.contains(&duty))
     }
 
-    /// Whether this process may put something on Zenoh, or tell somebody outside, at `now`,
-    /// running time. To be asked in the line before.
+    /// True if this process may publish on Zenoh, or send to other programs, at `now`, running
+    /// time. Each such action checks it in the line before.
     pub fn may_act(&self, now: Duration) -> bool {
         let cluster = self.cluster.as_ref();
         cluster.is_none_or(|cluster| cluster.lease.holds(now))
     }
 
-    /// The tenure in which this process estimates a robot; `None` where it does not, or is alone.
+    /// Tenure of a robot that this process estimates; `None` for other robots, and for a process
+    /// that is alone.
     pub fn tenure(&self, robot: &RobotId) -> Option<Tenure> {
         self.cluster.as_ref()?.known().tenures.get(robot).cloned()
     }
 
-    /// Where a robot is estimated.
+    /// Place at which a robot is estimated.
     pub fn whereabouts(&self, robot: &RobotId) -> Whereabouts {
         let Some(cluster) = &self.cluster else {
             return Whereabouts::Here;
@@ -131,52 +132,53 @@ impl Membership {
 }
 
 impl Cluster {
-    /// The name of this instance.
+    /// Name of this instance.
     pub fn instance(&self) -> &InstanceId {
         &self.instance
     }
 
-    /// This instance's lease.
+    /// Lease of this instance.
     pub fn lease(&self) -> &Lease {
         &self.lease
     }
 
-    /// Its life now; `None` while it has not joined.
+    /// Present life of this instance; `None` while it has not joined.
     pub fn seat(&self) -> Option<Seat> {
         self.known().seat.clone()
     }
 
-    /// What the rows said last.
+    /// Latest rows that were read.
     pub fn snapshot(&self) -> Arc<Snapshot> {
         Arc::clone(&self.known().snapshot)
     }
 
-    /// The robots that this instance has.
+    /// Tenures of this instance's robots.
     pub fn tenures(&self) -> BTreeMap<RobotId, Tenure> {
         self.known().tenures.clone()
     }
 
-    /// The duties that this instance has.
+    /// Duties of this instance.
     pub fn duties(&self) -> BTreeSet<Duty> {
         self.known().duties.clone()
     }
 
-    /// When the database answered last, running time; `None` before the first time.
+    /// Time of the database's last answer, running time; `None` before the first one.
     pub fn answered_at(&self) -> Option<Duration> {
         self.known().answered_at
     }
 
-    /// What it took over last.
+    /// Last takeover by this instance.
     pub fn last_takeover(&self) -> Option<Takeover> {
         self.known().last_takeover.clone()
     }
 
-    /// Takes that it has begun a life.
+    /// Records the begin of a life.
     pub fn joined(&self, seat: Seat) {
         self.write().seat = Some(seat);
     }
 
-    /// Takes that its life has ended: it has nothing any more. Gives what it had.
+    /// Records the end of its life, and with it of its tenures and duties. Returns the former
+    /// tenures.
     pub fn lost(&self) -> BTreeMap<RobotId, Tenure> {
         self.lease.lost();
         let mut known = self.write();
@@ -185,39 +187,39 @@ impl Cluster {
         std::mem::take(&mut known.tenures)
     }
 
-    /// Takes what the rows say.
+    /// Stores the rows that were read.
     pub fn read(&self, snapshot: Arc<Snapshot>) {
         self.write().snapshot = snapshot;
     }
 
-    /// Takes that the database answered what was asked at `asked_at`, running time.
+    /// Records that the database answered a request of `asked_at`, running time.
     pub fn answered(&self, asked_at: Duration) {
         self.write().answered_at = Some(asked_at);
     }
 
-    /// Takes a tenure that began.
+    /// Adds a tenure that began.
     pub fn began(&self, tenure: Tenure) {
         self.write().tenures.insert(tenure.robot.clone(), tenure);
     }
 
-    /// Takes that a tenure has ended.
+    /// Removes a tenure that has ended.
     pub fn ended(&self, robot: &RobotId) {
         self.write().tenures.remove(robot);
     }
 
-    /// Takes which duties it has.
+    /// Sets its duties.
     pub fn set_duties(&self, duties: BTreeSet<Duty>) {
         self.write().duties = duties;
     }
 
-    /// Takes that it has taken over what another one had.
+    /// Records a takeover from another instance.
     pub fn took_over(&self, takeover: Takeover) {
         let mut known = self.write();
         known.last_takeover = Some(takeover);
         known.takeovers += 1;
     }
 
-    /// How often it has taken over what another one had, since it was started.
+    /// Number of takeovers by this instance since it was started.
     pub fn takeovers(&self) -> u64 {
         self.known().takeovers
     }

@@ -15,38 +15,39 @@ use crate::hearing::Hearing;
 use crate::member::Member;
 use crate::tenure::{ClaimId, Epoch, Seat};
 
-/// Who has a robot, as its row says.
+/// Ownership of a robot, from its row.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ownership {
-    /// Who estimates it; `None` while nobody does.
+    /// Instance that estimates it; `None` while there is none.
     pub owner: Option<Seat>,
-    /// The epoch of the latest tenure.
+    /// Epoch of the latest tenure.
     pub epoch: Epoch,
-    /// What tells that tenure from every other.
+    /// Claim that distinguishes that tenure from every other.
     pub claim: ClaimId,
-    /// Who is to have it next, by the owner's word.
+    /// Next owner, named by the present one.
     pub heir: Option<Seat>,
-    /// Since when the heir hears the robot, by the database's clock; `None` while it does not.
+    /// Time from which the heir receives the robot, by the database's clock; `None` while it does
+    /// not.
     pub heir_ready: Option<WallTime>,
-    /// Since when nobody has it, by the database's clock; `None` while somebody does.
+    /// Time from which it has no owner, by the database's clock; `None` while it has one.
     pub free_since: Option<WallTime>,
-    /// Format of the state that its estimator goes on from; 0 where there is none.
+    /// Format of its checkpoint; 0 without one.
     pub checkpoint_format: i64,
 }
 
-/// Who has a duty, as its row says.
+/// Ownership of a duty, from its row.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DutyOwnership {
-    /// Who does it; `None` while nobody does.
+    /// Instance that performs it; `None` while there is none.
     pub owner: Option<Seat>,
-    /// Since when nobody does, by the database's clock.
+    /// Time from which it has no owner, by the database's clock.
     pub free_since: Option<WallTime>,
 }
 
-/// What the rows say at one moment.
+/// Snapshot of the rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Snapshot {
-    /// That moment, by the database's clock.
+    /// Time of the snapshot, by the database's clock.
     pub now: WallTime,
     /// Every instance, by its name.
     pub members: Vec<Member>,
@@ -56,43 +57,45 @@ pub struct Snapshot {
     pub duties: BTreeMap<Duty, DutyOwnership>,
 }
 
-/// A robot on its way to another instance.
+/// Hand-over of a robot to another instance.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Handover {
-    /// Which robot.
+    /// The robot.
     pub robot: RobotId,
-    /// Who gets it.
+    /// Next owner.
     pub to: Seat,
 }
 
-/// What an instance should do now.
+/// Plan of an instance: its actions now.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Plan {
-    /// Robots that nobody has, to be claimed.
+    /// Robots without an owner to claim.
     pub claim: Vec<RobotId>,
-    /// Robots of another instance that this one is to have next: hear them, and say so.
+    /// Robots of other instances whose heir this one is: subscribe to them, and confirm that they
+    /// are received.
     pub prepare: Vec<RobotId>,
-    /// Own robots that another one is to have next: name it.
+    /// Robots to hand over, each with its next owner.
     pub offer: Vec<Handover>,
-    /// Own robots that stay after all: name nobody.
+    /// Own robots that stay after all, whose heir is withdrawn.
     pub withdraw: Vec<RobotId>,
-    /// Own robots whose heir has heard them for long enough: store their state, and hand them over.
+    /// Own robots that their heir has received for long enough: store their state, and hand them
+    /// over.
     pub hand_over: Vec<Handover>,
-    /// Own robots that cannot be heard here, and can elsewhere: free them.
+    /// Own robots that can be received elsewhere and not here, to release.
     pub give_up: Vec<RobotId>,
-    /// Duties that nobody has, to be claimed.
+    /// Duties without an owner to claim.
     pub claim_duties: Vec<Duty>,
-    /// Own duties that another one should do.
+    /// Own duties that another instance should perform, to release.
     pub give_up_duties: Vec<Duty>,
 }
 
 impl Snapshot {
-    /// The instance of this seat, while the rows know it.
+    /// Member of this seat, while the rows have it.
     pub fn member(&self, seat: &Seat) -> Option<&Member> {
         self.members.iter().find(|member| member.seat == *seat)
     }
 
-    /// Instances that can take robots: those that robots reach, unless they reach none.
+    /// Instances that can have robots: those that robots reach, or all if robots reach none.
     fn candidates(&self) -> Vec<&Member> {
         let able = |member: &&Member| member.is_live() && !member.draining;
         let anybody_linked = self.members.iter().filter(able).any(|member| member.linked);
@@ -100,15 +103,15 @@ impl Snapshot {
         self.members.iter().filter(heard).collect()
     }
 
-    /// How long something has been so.
+    /// Time since an event.
     fn since(&self, then: Option<WallTime>) -> Option<Duration> {
         let ns = self.now.ns_since(then?);
         Some(Duration::from_nanos(u64::try_from(ns).unwrap_or(0)))
     }
 }
 
-/// What the instance `me` should do about what it has read. An instance that the rows do not know
-/// does nothing.
+/// Plan of the instance `me` by the rows that it has read. For an instance that the rows lack, it
+/// is empty.
 pub fn plan(me: &Seat, snapshot: &Snapshot) -> Plan {
     let mut plan = Plan::default();
     let Some(own) = snapshot.member(me).filter(|member| member.is_live()) else {
@@ -136,7 +139,7 @@ pub fn plan(me: &Seat, snapshot: &Snapshot) -> Plan {
     plan
 }
 
-/// Who should have which robot by these rows.
+/// Assignment of the robots by these rows.
 fn assignment(snapshot: &Snapshot, candidates: &[&Member]) -> Assignment {
     let of_candidates: Vec<_> = candidates
         .iter()
@@ -158,12 +161,12 @@ fn assignment(snapshot: &Snapshot, candidates: &[&Member]) -> Assignment {
     })
 }
 
-/// Robots that the candidates hear, while some of them do not hear each other.
+/// Robots that the candidates receive, while some of them do not receive each other.
 struct Reach<'a> {
     snapshot: &'a Snapshot,
-    /// Empty while all of them hear each other.
+    /// Candidates by seat; empty while all of them receive each other.
     candidates: BTreeMap<&'a Seat, &'a Hearing>,
-    /// Robots that one of them hears.
+    /// Robots that at least one candidate receives.
     heard: BTreeSet<&'a RobotId>,
 }
 
@@ -182,8 +185,9 @@ impl<'a> Reach<'a> {
         }
     }
 
-    /// Says whether a candidate may have a robot: an owner that does not say that it does not hear it, and
-    /// who does hear it. What nobody hears stays where it is.
+    /// True if a candidate may have a robot: the present owner, unless it reports that it does not
+    /// receive the robot, and any candidate that does. A robot that none receives stays where it
+    /// is.
     fn permits(&self, seat: &Seat, robot: &RobotId) -> bool {
         let Some(hearing) = self.candidates.get(seat) else {
             return true;
@@ -201,19 +205,19 @@ impl<'a> Reach<'a> {
     }
 }
 
-/// What one instance sees.
+/// View of one instance.
 struct View<'a> {
     me: &'a Seat,
     snapshot: &'a Snapshot,
-    /// Whether it can take robots.
+    /// True if it can have robots.
     is_candidate: bool,
-    /// The newest format of a checkpoint that it can read.
+    /// Newest format of a checkpoint that it can read.
     can_read: i64,
     assignment: Assignment,
 }
 
 impl View<'_> {
-    /// How many more robots may be on their way from here at once.
+    /// Number of further hand-overs that may begin here.
     fn moves_left(&self) -> usize {
         let rows = self.snapshot.robots.values();
         let under_way =
@@ -260,7 +264,7 @@ impl View<'_> {
         }
     }
 
-    /// Whether whoever should take something has had its time.
+    /// True if the designated owner of a free robot or duty has had its time to claim it.
     fn may_take(&self, free_since: Option<WallTime>) -> bool {
         let free_for = self.snapshot.since(free_since);
         self.is_candidate && free_for.is_some_and(|free_for| free_for >= CLUSTER_CLAIM_OTHERS_AFTER)
@@ -347,7 +351,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// A cluster in which the robots of each number are those of the instance at that place.
+    /// Cluster in which each robot belongs to the instance at its place in `owners`.
     pub(crate) fn cluster(members: &[&str], owners: &[Option<&str>]) -> Snapshot {
         let robots = owners.iter().enumerate();
         Snapshot {
@@ -428,7 +432,7 @@ pub(crate) mod tests {
         assert_eq!(plan(&seat("a"), &snapshot), Plan::default());
     }
 
-    /// Says whom an instance hears: these robots, and not those.
+    /// Sets the robots that an instance receives, and those that it does not.
     fn hears(snapshot: &mut Snapshot, member: usize, heard: &[usize], unheard: &[usize]) {
         let robots = |numbers: &[usize]| numbers.iter().map(|number| robot(*number)).collect();
         let other = snapshot.members[1 - member].seat.instance.clone();

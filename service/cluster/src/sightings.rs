@@ -1,4 +1,4 @@
-//! Faults of a cluster that its rows show.
+//! Faults of a cluster, from its rows.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -12,11 +12,12 @@ use fleetcal_proto::RobotId;
 use crate::member::Member;
 use crate::plan::{Ownership, Snapshot};
 
-/// Bytes of a configuration's hash whose digits people compare.
+/// Number of bytes of a configuration's hash that are displayed for comparison.
 const DIGEST_BYTES_SHOWN: usize = 4;
 
-/// What the rules see of the instances and of who has which robot. Each is one sighting of the fleet:
-/// an instance that is lost leaves many robots at once. Time is that of the database, as in the rows.
+/// Sightings of the rules about instances and the owners of robots. Each is one sighting of the
+/// fleet: the loss of an instance affects many robots at once. Times are the database's, as in the
+/// rows.
 pub fn cluster_sightings(snapshot: &Snapshot, policy: &AlertPolicy) -> Vec<(Subject, Sighting)> {
     let seen = [
         (AlertKind::NoInstance, no_instance(snapshot)),
@@ -33,7 +34,7 @@ pub fn cluster_sightings(snapshot: &Snapshot, policy: &AlertPolicy) -> Vec<(Subj
     sightings.into()
 }
 
-/// Robots that nobody has, with how long that has been so by the database's clock.
+/// Robots without an owner, with the time for which they have had none, by the database's clock.
 pub fn homeless(snapshot: &Snapshot) -> impl Iterator<Item = (&RobotId, Duration)> {
     snapshot.robots.iter().filter_map(|(robot, row)| {
         let free_for = match (&row.owner, row.free_since) {
@@ -46,7 +47,7 @@ pub fn homeless(snapshot: &Snapshot) -> impl Iterator<Item = (&RobotId, Duration
     })
 }
 
-/// What a rule saw that fires: in words, and of which robots.
+/// Sighting that fires: its description and robots.
 struct Seen {
     what: String,
     robots: Vec<RobotId>,
@@ -85,7 +86,7 @@ fn no_instance(snapshot: &Snapshot) -> Option<Seen> {
     Some(Seen { what, robots })
 }
 
-/// Says so when no instance is there that can go on from the stored state of one of the robots.
+/// Remark for robots whose stored state no live instance can read; empty if one can.
 fn unreadable(snapshot: &Snapshot, robots: &[RobotId]) -> String {
     let readable = live(snapshot).map(|member| member.checkpoint_format).max();
     let rows = robots.iter().filter_map(|id| snapshot.robots.get(id));
@@ -118,7 +119,7 @@ fn configurations_differ(snapshot: &Snapshot) -> Option<Seen> {
     })
 }
 
-/// The first digits of a hash.
+/// First digits of a hash.
 fn digits(hash: &[u8]) -> String {
     let shown = hash.iter().take(DIGEST_BYTES_SHOWN);
     let number = shown.fold(0_u32, |number, byte| (number << 8) | u32::from(*byte));
@@ -186,7 +187,8 @@ mod tests {
         }
     }
 
-    /// Two instances at second 100, and robots that are free since a second each, or have an owner.
+    /// Snapshot of two instances at second 100, and of robots that are free since a second each, or
+    /// have an owner.
     fn snapshot(free_since_s: &[Option<i64>]) -> Snapshot {
         let robots = free_since_s.iter().enumerate().map(|(number, since_s)| {
             let row = Ownership {

@@ -1,4 +1,4 @@
-//! The time for which one instance estimates one robot.
+//! Tenure: the time for which one instance estimates one robot.
 
 use std::fmt;
 
@@ -7,32 +7,33 @@ use serde::{Deserialize, Serialize};
 
 use crate::InstanceId;
 
-/// The life of an instance: goes up when it joins, and when it is taken for dead.
+/// Life of an instance: incremented when it joins, and when it is declared dead.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
 )]
 #[serde(transparent)]
 pub struct Incarnation(pub i64);
 
-/// One life of an instance.
+/// Seat: one life of an instance.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Seat {
-    /// Which instance.
+    /// Name of the instance.
     pub instance: InstanceId,
-    /// Which of its lives.
+    /// Life of the instance.
     pub incarnation: Incarnation,
 }
 
-/// Orders the tenures of a robot: a later one has a higher epoch, also after a failover that forgot
-/// the latest. Readers of estimates go by it.
+/// Epoch that orders the tenures of a robot: a later one has a higher epoch, also after a failover
+/// that lost the latest. Readers of estimates compare it.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
 )]
 #[serde(transparent)]
 pub struct Epoch(pub i64);
 
-/// Tells one tenure from every other: a random number. Two servers that both took themselves for
-/// the primary can have given out one epoch twice; the database therefore compares this.
+/// Claim that distinguishes one tenure from every other: a random number. Two servers that both
+/// assumed to be the primary can have assigned one epoch twice; the database therefore compares
+/// this.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
 )]
@@ -45,15 +46,15 @@ impl fmt::Display for Epoch {
     }
 }
 
-/// The time for which one instance estimates one robot.
+/// Tenure: the time for which one instance estimates one robot.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tenure {
-    /// Whose estimator it is about.
+    /// Robot of the tenure.
     pub robot: RobotId,
-    /// Which life of which instance has it.
+    /// Seat of the owner.
     pub seat: Seat,
-    /// Its place among the robot's tenures.
+    /// Epoch among the robot's tenures.
     pub epoch: Epoch,
-    /// What tells it from every other.
+    /// Claim that distinguishes it from every other.
     pub claim: ClaimId,
 }

@@ -18,7 +18,7 @@ use crate::output::print_text;
 use crate::signals::Signals;
 use crate::{Boxed, CommandError};
 
-/// What a hook has to know, and what else is not said by one flag.
+/// Explanation of hooks and of behaviour that no single flag covers.
 const LONG_HELP: &str = "\
 The agent asks the service for the approved calibration for its robot: at its start, whenever a service comes \
 up, and once a minute; what the service pushes arrives at once. A document is taken when it is signed \
@@ -38,31 +38,31 @@ say what it is about; the signed document is on standard input.
 Exit status: 0 told to stop, 2 wrong flags or files, 70 a fault of the agent, 74 reading, writing or \
 connecting failed.";
 
-/// Longest time that a hook may be given, s: deadlines wait for its answer.
+/// Longest timeout of a hook, s: deadlines wait for its answer.
 const HOOK_TIMEOUT_MAX_S: u64 = 600;
 
-/// What `fleetcal agent` takes.
+/// Arguments of `fleetcal agent`.
 #[derive(Debug, Args)]
 #[command(after_long_help = LONG_HELP)]
 pub struct Arguments {
     /// The robot's id
     #[arg(long, value_name = "ID", value_parser = RobotId::parse)]
     pub robot: RobotId,
-    /// Where the service is.
+    /// Connection to the service.
     #[command(flatten)]
     pub connection: ConnectionArguments,
     /// The file that the robot's software reads its calibration from, YAML or JSON by its ending
     /// (.yaml, .yml, .json); it is created if missing
     #[arg(long, value_name = "FILE")]
     pub apply: PathBuf,
-    /// The service's public key, as `GET /api/v1/signing-key` shows it; may be repeated
+    /// The service's public key, from `GET /api/v1/signing-key`; may be repeated
     #[arg(long, value_name = "PUBLICKEY", required = true)]
     pub service_key: Vec<PublicKey>,
-    /// A program that decides whether values may be written, and is called again when they were
-    /// written or reverted; it gets the document on its standard input
+    /// A program that decides whether values may be written, and is called again after they were
+    /// written or reverted; it receives the document on its standard input
     #[arg(long, value_name = "PROGRAM")]
     pub hook: Option<PathBuf>,
-    /// An argument of the hook; may be repeated
+    /// An argument for the hook; may be repeated
     #[arg(
         long,
         value_name = "ARGUMENT",
@@ -70,7 +70,7 @@ pub struct Arguments {
         allow_hyphen_values = true
     )]
     pub hook_arg: Vec<String>,
-    /// A hook that takes longer is killed and counts as failed
+    /// Time after which a hook is killed and counts as failed, in seconds
     #[arg(
         long,
         value_name = "SECONDS",
@@ -82,18 +82,18 @@ pub struct Arguments {
     /// missing keys keep their defaults
     #[arg(long, value_name = "FILE")]
     pub limits: Option<PathBuf>,
-    /// Show the robot as present while the agent runs, for robots whose streams do not
+    /// Announce the robot's presence while the agent runs, for robots whose streams do not
     #[arg(long)]
     pub alive: bool,
     /// First chunk of every key
     #[arg(long, value_name = "CHUNK", default_value = "fleet", value_parser = KeyRoot::parse)]
     pub root: KeyRoot,
-    /// Files for ROS.
+    /// Output files for ROS.
     #[command(flatten)]
     pub ros: RosArguments,
 }
 
-/// Files that are written besides, for ROS.
+/// Additional output files for ROS.
 #[derive(Debug, Args)]
 pub struct RosArguments {
     /// Also write a xacro file, whose macro `fleetcal_lidar_origin` is the origin of the LiDAR's
@@ -106,8 +106,8 @@ pub struct RosArguments {
     /// Also write node parameters, for `ros2 run … --ros-args --params-file`
     #[arg(long, value_name = "FILE", help_heading = "Files for ROS")]
     pub ros_parameters: Option<PathBuf>,
-    /// Where the rear axle's centre is in the base frame [default: as the robot's configuration
-    /// at the service says, or the origin]
+    /// Pose of the rear axle's centre in the base frame [default: from the robot's configuration at
+    /// the service, or the origin]
     #[arg(
         long,
         value_name = "X_M,Y_M,YAW_RAD",
@@ -167,7 +167,7 @@ impl RosArguments {
     }
 }
 
-/// Three finite numbers.
+/// Parses three finite numbers.
 fn planar_pose(text: &str) -> Result<Pose2, String> {
     let numbers: Option<Vec<f64>> = text
         .split(',')
@@ -184,7 +184,7 @@ fn planar_pose(text: &str) -> Result<Pose2, String> {
     }
 }
 
-/// A frame's name, which ends up in XML and in a shell's line.
+/// Checks a frame's name, which ends up in XML and in a shell command.
 fn frame_name(text: &str) -> Result<String, String> {
     let good = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '/' | '-' | '.');
     if !text.is_empty() && !text.starts_with('-') && text.chars().all(good) {
@@ -196,7 +196,7 @@ fn frame_name(text: &str) -> Result<String, String> {
 /// Runs until SIGTERM or SIGINT.
 ///
 /// # Errors
-/// One sentence, with the exit status that goes with it.
+/// One sentence, with its exit status.
 pub fn run(arguments: &Arguments, clock: SharedClock) -> Boxed<'_> {
     Box::pin(perform(arguments, clock))
 }

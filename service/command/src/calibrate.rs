@@ -6,58 +6,34 @@ use std::path::PathBuf;
 
 use clap::Args;
 use fleetcal_clock::{Clock, thread_cpu};
-use fleetcal_config::Config;
-use fleetcal_domain::robot::{RobotConfig, Wheelbase};
-use fleetcal_domain::streams::{Joints, StreamsFields};
+use fleetcal_domain::robot::RobotConfig;
 use fleetcal_estimator::lidar_odometry::BeamTimes;
-use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event, VehicleModel};
+use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event};
 use fleetcal_fleet::{Intake, LatestPose, ReadingSettings, document};
 use fleetcal_operations::recording_export::RecordingExport;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::CalibrationReport;
-use fleetcal_robot::recording::{Channel, RecordedMessage, Recording, Topics, choose_topics};
+use fleetcal_robot::recording::{RecordedMessage, Recording, Topics};
 
-use crate::height_band::HeightBand;
+use crate::CommandError;
 use crate::known_map::KnownMapArguments;
 use crate::output::{Trajectory, print_json, print_text};
 use crate::progress::Progress;
 use crate::recording::{RecordedStream, streams};
 use crate::report;
+use crate::robot_arguments::RobotArguments;
 use crate::session_record::SessionRecord;
 use crate::table::table;
 use crate::timing::ScanTimes;
-use crate::topics::{self, TopicArguments};
-use crate::{CommandError, ModelName};
 
-/// The robot's name when neither the caller nor the recording has one.
-const UNNAMED: &str = "robot";
-
-/// What `fleetcal calibrate` takes.
+/// Arguments of `fleetcal calibrate`.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
     pub recording: PathBuf,
-    /// Distance between the axles, in metres
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
-    pub wheelbase: Option<f64>,
-    /// How the vehicle steers [default: bicycle, or what --config says]
-    #[arg(long)]
-    pub model: Option<ModelName>,
-    /// The robot's name [default: the first chunk of the wheel odometry topic]
-    #[arg(long, value_name = "NAME")]
-    pub robot: Option<String>,
-    /// Which topics are taken.
+    /// The robot whose recording it is.
     #[command(flatten)]
-    pub topics: TopicArguments,
-    /// For `JointState`: the joints that steer and drive, as in `streams.joints` of a configuration
-    #[arg(long, value_name = "TABLE", value_parser = topics::joints)]
-    pub joints: Option<Joints>,
-    /// A `fleetcal.toml`, for the estimator's settings, the robot's vehicle and its topics
-    #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-    /// For clouds: the band of heights in the LiDAR's frame [default: -0.5,0.5, or as --config says]
-    #[arg(long, value_name = "MIN_M,MAX_M", allow_hyphen_values = true)]
-    pub height_band: Option<HeightBand>,
+    pub robot: RobotArguments,
     /// A known map to localise in.
     #[command(flatten)]
     pub known_map: KnownMapArguments,
@@ -70,7 +46,7 @@ pub struct Arguments {
     /// Write the result with its plots as one self-contained page
     #[arg(long, value_name = "OUT.html")]
     pub report: Option<PathBuf>,
-    /// Write the session as MCAP for Foxglove: the streams, what was known when, and what happened
+    /// Write the session as MCAP for Foxglove: the streams, the estimates over time, and the events
     #[arg(long, value_name = "OUT.mcap")]
     pub export: Option<PathBuf>,
 }
@@ -78,35 +54,13 @@ pub struct Arguments {
 /// Runs the command.
 ///
 /// # Errors
-/// One sentence, with the exit status that goes with it.
+/// One sentence, with its exit status.
 pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError> {
     let recording = Recording::open(&arguments.recording)?;
     spare_recording(&recording, arguments)?;
-    let file = arguments
-        .config
-        .as_deref()
-        .map(Config::read)
-        .transpose()?
-        .unwrap_or_default();
-    let channels = recording.channels();
-    let configured = configured_robot(arguments, channels, &file);
-    let asked = match configured {
-        Some((id, config)) => arguments
-            .topics
-            .asked_or_configured(id.as_str(), config, channels),
-        None => arguments.topics.asked(),
-    };
-    let topics = choose_topics(channels, &asked)?;
-    let name = arguments
-        .robot
-        .as_deref()
-        .or(configured.map(|(id, _)| id.as_str()))
-        .or_else(|| topics.robot())
-        .unwrap_or(UNNAMED);
-    let robot = RobotId::parse(name)?;
-    let config = vehicle_of(arguments, &robot, &file)?;
-    let known = (&robot, &config, &file.estimator);
-    let run = Run::start(&recording, &topics, known, arguments)?;
+    let robot = arguments.robot.of(&recording)?;
+    let known = (&robot.id, &robot.config, &robot.settings);
+    let run = Run::start(&recording, &robot.topics, known, arguments)?;
     let finished = run.finish(clock)?;
     for remark in finished.remarks {
         eprintln!("fleetcal: {remark}");
@@ -122,27 +76,7 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
     }
 }
 
-/// The robot of the file whose recording it is: the one that is named, else the only one below
-/// whose name there are topics.
-fn configured_robot<'f>(
-    arguments: &Arguments,
-    channels: &[Channel],
-    file: &'f Config,
-) -> Option<(&'f RobotId, &'f RobotConfig)> {
-    let is_it = |id: &RobotId| {
-        if let Some(name) = &arguments.robot {
-            return id.as_str() == name;
-        }
-        let below = format!("/{id}/");
-        let mut topics = channels.iter().map(|channel| &channel.topic);
-        topics.any(|topic| topic.starts_with(&below))
-    };
-    let mut fitting = file.robots.iter().filter(|entry| is_it(&entry.id));
-    let only = fitting.next().filter(|_| fitting.next().is_none());
-    only.map(|entry| (&entry.id, &entry.config))
-}
-
-/// No result is written over what it is calculated from.
+/// Refuses to write a result over the recording.
 fn spare_recording(recording: &Recording, arguments: &Arguments) -> Result<(), CommandError> {
     let outputs = [&arguments.export, &arguments.trajectory, &arguments.report];
     let mut outputs = outputs.into_iter().flatten();
@@ -152,46 +86,7 @@ fn spare_recording(recording: &Recording, arguments: &Arguments) -> Result<(), C
     }
 }
 
-/// The vehicle: the flags first, then the robot's entry in the file.
-fn vehicle_of(
-    arguments: &Arguments,
-    robot: &RobotId,
-    file: &Config,
-) -> Result<RobotConfig, CommandError> {
-    let entry = file
-        .robots
-        .iter()
-        .find(|entry| entry.id == *robot)
-        .map(|entry| &entry.config);
-    let given = arguments.wheelbase.map(Wheelbase::try_from).transpose()?;
-    let wheelbase = given
-        .or_else(|| entry.map(|config| config.wheelbase_m))
-        .ok_or_else(|| CommandError::WheelbaseMissing {
-            robot: robot.to_string(),
-        })?;
-    let model = arguments.model.map(VehicleModel::from);
-    let mut config = entry.cloned().unwrap_or_else(|| {
-        RobotConfig::of_vehicle(model.unwrap_or(VehicleModel::Bicycle), wheelbase)
-    });
-    config.wheelbase_m = wheelbase;
-    if let Some(model) = model {
-        config.model = model;
-    }
-    if let Some(joints) = &arguments.joints {
-        let fields = StreamsFields {
-            joints: Some(joints.clone()),
-            ..config.streams.fields().clone()
-        };
-        config.streams = fields.try_into().map_err(CommandError::Joints)?;
-    }
-    config.point_cloud = Some(HeightBand::or_of(
-        arguments.height_band,
-        config.point_cloud.unwrap_or_default(),
-    ));
-    Ok(config)
-}
-
-/// One recording on its way through the estimator.
+/// Calibration of one recording in progress.
 #[derive(Debug)]
 struct Run<'a> {
     recording: &'a Recording,
@@ -202,16 +97,16 @@ struct Run<'a> {
     robot: &'a RobotId,
     trajectory: Option<Trajectory>,
     export: Option<RecordingExport<BufWriter<File>>>,
-    /// What a report shows, where one is asked for.
+    /// Record for the report, if one was requested.
     session: Option<SessionRecord>,
     pose: LatestPose,
     times: ScanTimes,
 }
 
-/// What a recording came to.
+/// Result of a recording.
 struct Finished {
     report: CalibrationReport,
-    /// What was refused and how well the rest fits together, in words.
+    /// Remarks on refusals and on the pairing of the rest.
     remarks: Vec<String>,
     session: Option<SessionRecord>,
 }
@@ -249,7 +144,7 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Works through the recording.
+    /// Processes the recording.
     fn finish(mut self, clock: &dyn Clock) -> Result<Finished, CommandError> {
         let began = clock.elapsed();
         let names = self.topics.names();
@@ -282,7 +177,7 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Takes one message to the estimator, as the service does.
+    /// Feeds one message to the estimator, as the service does.
     fn take(&mut self, message: &RecordedMessage) -> Result<(), CommandError> {
         let mut streams = self.streams.iter_mut();
         let Some(stream) = streams.find(|stream| stream.carries(message)) else {
@@ -310,7 +205,7 @@ impl<'a> Run<'a> {
         self.follow(&effects)
     }
 
-    /// Writes down what a step said, and the rear axle's pose when it is a new one.
+    /// Records the effects of a step, and a new pose of the rear axle.
     fn follow(&mut self, effects: &[Effect]) -> Result<(), CommandError> {
         if let Some(session) = &mut self.session {
             session.take(self.robot, effects);
@@ -349,7 +244,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// What a person should know of the recording beside its result.
+    /// Returns remarks about the recording beside its result.
     fn remarks(&self) -> Vec<String> {
         let refusals = self.streams.iter().filter_map(RecordedStream::refusals);
         let mut remarks: Vec<String> = refusals.collect();

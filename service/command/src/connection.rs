@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use fleetcal_robot::Connection;
 
-/// Where to connect to.
+/// Endpoints and configuration of the connection.
 #[derive(Debug, Args)]
 pub struct ConnectionArguments {
-    /// The service's Zenoh endpoint, `tcp/192.0.2.1:7447`; may be repeated, the first that answers
-    /// is taken
+    /// The service's Zenoh endpoint, `tcp/192.0.2.1:7447`; may be repeated, and the first that
+    /// answers is used
     #[arg(
         short = 'e',
         long,
@@ -17,14 +17,14 @@ pub struct ConnectionArguments {
         required_unless_present = "zenoh_config"
     )]
     pub connect: Vec<String>,
-    /// A native Zenoh configuration (.json5, .json, .yaml), whose QUIC endpoints get one
-    /// stream; --connect replaces the endpoints in it
+    /// A native Zenoh configuration (.json5, .json, .yaml), in which QUIC endpoints are set to one
+    /// stream; --connect replaces its endpoints
     #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
 }
 
 impl ConnectionArguments {
-    /// What the flags say.
+    /// Returns the connection that the flags describe.
     pub fn connection(&self) -> Connection {
         Connection {
             endpoints: self.connect.clone(),

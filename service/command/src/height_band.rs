@@ -4,12 +4,12 @@ use std::str::FromStr;
 
 use fleetcal_estimator::point_cloud::{BandFields, PlanarBand};
 
-/// A band as a flag says it: two heights in the LiDAR's frame, m.
+/// A band in the form of a flag: two heights in the LiDAR's frame, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeightBand(PlanarBand);
 
 impl HeightBand {
-    /// `configured`, between the heights of the flag where it is given.
+    /// Returns `configured`, with the heights of the flag if it is given.
     pub fn or_of(flag: Option<Self>, configured: PlanarBand) -> PlanarBand {
         flag.map_or(configured, |Self(heights)| {
             configured.with_heights_of(&heights)

@@ -9,7 +9,7 @@ use fleetcal_estimator::{LidarOdometry, Pose2};
 use crate::CommandError;
 use crate::map_server;
 
-/// A known map, and where the LiDAR starts in it.
+/// A known map, and the LiDAR's start in it.
 #[derive(Debug, Clone, Default, Args)]
 pub struct KnownMapArguments {
     /// Localise in a known map: the YAML file of ROS's `map_server`, its image beside it
@@ -25,7 +25,7 @@ pub struct KnownMapArguments {
     pub start: Option<Start>,
 }
 
-/// A start as a flag says it: metres and degrees.
+/// A start in the form of a flag: metres and degrees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Start(Pose2);
 
@@ -48,10 +48,10 @@ impl FromStr for Start {
 }
 
 impl KnownMapArguments {
-    /// The LiDAR odometry that the flags ask for.
+    /// Makes the LiDAR odometry that the flags describe.
     ///
     /// # Errors
-    /// When the map cannot be read or used.
+    /// The map cannot be read or used.
     pub fn lidar_odometry(&self) -> Result<LidarOdometry, CommandError> {
         let (Some(map), Some(Start(start))) = (&self.map, self.start) else {
             return Ok(LidarOdometry::default());

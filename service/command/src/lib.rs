@@ -6,6 +6,7 @@
 pub mod agent;
 pub mod calibrate;
 mod connection;
+pub mod doctor;
 mod height_band;
 mod known_map;
 pub mod map_server;
@@ -15,6 +16,7 @@ mod progress;
 mod recording;
 pub mod replay;
 mod report;
+mod robot_arguments;
 pub mod schema;
 mod session_record;
 pub mod signals;
@@ -42,19 +44,21 @@ use thiserror::Error;
 
 use crate::map_server::MapRefused;
 
-/// A command at work. It is compiled in this crate, and not in the one that awaits it.
+/// Future of a running command. It is compiled in this crate instead of the one that awaits it.
 pub type Boxed<'a> = Pin<Box<dyn Future<Output = Result<(), CommandError>> + 'a>>;
 
-/// What the shell is told when the caller can mend it.
+/// Exit status of checks that named a cause.
+pub const EXIT_FOUND: u8 = 1;
+/// Exit status of errors that the caller can correct.
 pub const EXIT_USAGE: u8 = 2;
-/// What the shell is told when a recording cannot be used.
+/// Exit status of an unusable recording.
 pub const EXIT_DATA: u8 = 65;
-/// What the shell is told when reading or writing failed.
+/// Exit status of failed reading or writing.
 pub const EXIT_IO: u8 = 74;
-/// What the shell is told when a part of the program failed by itself.
+/// Exit status of a part of the program that failed by itself.
 pub const EXIT_FAILED: u8 = 70;
 
-/// How a vehicle steers, as a flag says it.
+/// Steering geometry of a vehicle, in the form of a flag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ModelName {
     /// Steered front axle (Ackermann too), speed measured at the rear axle.
@@ -72,7 +76,7 @@ impl From<ModelName> for VehicleModel {
     }
 }
 
-/// Why a command failed, in one sentence.
+/// Error of a command, in one sentence.
 #[derive(Debug, Error)]
 pub enum CommandError {
     /// The recording cannot be read or used.
@@ -84,19 +88,19 @@ pub enum CommandError {
     /// The configuration file is refused.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// The wheelbase given by flag cannot be.
+    /// The wheelbase given by flag is impossible.
     #[error("--wheelbase: {0}")]
     Wheelbase(#[from] ValueRefused),
-    /// The joints given by flag do not go with the configuration.
+    /// The joints given by flag do not fit the configuration.
     #[error("--joints: {0}")]
     Joints(String),
     /// The known map cannot be used.
     #[error(transparent)]
     Map(#[from] MapRefused),
-    /// The start in it cannot be.
+    /// The start in the map is impossible.
     #[error("--{0}")]
     Start(#[from] FieldRefused),
-    /// The vehicle's size is not known.
+    /// The vehicle's size is unknown.
     #[error(
         "the wheelbase is missing: give --wheelbase METRES, or a [[robot]] with id = \"{robot}\" \
          in a --config file"
@@ -105,23 +109,23 @@ pub enum CommandError {
         /// The robot of the recording.
         robot: String,
     },
-    /// The robot's name is no id.
+    /// The robot's name is not a valid id.
     #[error("{refused}; name the robot with --robot")]
     Robot {
-        /// What is wrong with it.
+        /// Fault of the name.
         #[from]
         refused: RobotIdRefused,
     },
-    /// Nothing in the recording can be used.
+    /// All messages of one kind in the recording are unusable.
     #[error("{path}: none of the {messages} {what} messages can be used{first}", path = path.display())]
     Unusable {
         /// The recording.
         path: PathBuf,
-        /// Which messages.
+        /// The unusable messages.
         what: &'static str,
-        /// How many there are.
+        /// Number of messages.
         messages: u64,
-        /// Why the first one was refused, behind a colon.
+        /// Reason for the first refusal, behind a colon.
         first: String,
     },
     /// A file could not be written.
@@ -129,10 +133,10 @@ pub enum CommandError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// A result would take the recording's place.
+    /// A result would overwrite the recording.
     #[error("{} is of the recording itself, expected another file", .0.display())]
     OverRecording(PathBuf),
     /// A figure could not be drawn.
@@ -147,13 +151,13 @@ pub enum CommandError {
     /// More robots than one process simulates.
     #[error("--robots: {0}")]
     TooManyRobots(#[from] TooManyRobots),
-    /// A recording is of one robot.
+    /// A recording holds one robot.
     #[error("--robots: got {robots}, expected 1 with --record")]
     OneRobot {
-        /// How many were asked for.
+        /// Number of robots that were requested.
         robots: usize,
     },
-    /// A robot's agent could not work.
+    /// A robot's agent failed.
     #[error(transparent)]
     Agent(#[from] AgentError),
     /// Too many keys to trust.
@@ -164,7 +168,7 @@ pub enum CommandError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// A robot's own limits are refused.
@@ -172,15 +176,15 @@ pub enum CommandError {
     Limits {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Error in the file.
         source: Box<toml::de::Error>,
     },
-    /// A simulated robot cannot be imperfect in this way.
+    /// The simulated imperfections are refused.
     #[error("{}: {reason}", path.display())]
     Imperfections {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it, and where.
+        /// The error and its place.
         reason: String,
     },
     /// A simulated robot could not be recorded.
@@ -192,13 +196,19 @@ pub enum CommandError {
     /// A task of the command ended early.
     #[error("a task of the command ended early: {0}")]
     Task(#[from] tokio::task::JoinError),
+    /// The joining checks named causes, which were printed.
+    #[error("{causes} found wrong with the recording")]
+    Found {
+        /// How many.
+        causes: usize,
+    },
     /// The document could not be written as JSON.
     #[error("cannot write the result: {0}")]
     Json(#[from] serde_json::Error),
 }
 
 impl CommandError {
-    /// What the shell is told.
+    /// Returns the exit status of the program.
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Recording(error) | Self::Record(RecordError::Recording(error)) => {
@@ -229,6 +239,7 @@ impl CommandError {
             | Self::OneRobot { .. }
             | Self::Record(_)
             | Self::OverRecording(_) => EXIT_USAGE,
+            Self::Found { .. } => EXIT_FOUND,
             Self::Task(_) | Self::Figure(_) => EXIT_FAILED,
             Self::Unusable { .. } => EXIT_DATA,
         }

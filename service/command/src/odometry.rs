@@ -21,7 +21,7 @@ use crate::progress::Progress;
 use crate::recording::RecordedStream;
 use crate::timing::ScanTimes;
 
-/// What `fleetcal odometry` takes.
+/// Arguments of `fleetcal odometry`.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
@@ -32,7 +32,7 @@ pub struct Arguments {
     /// Write the LiDAR's trajectory as a TUM file: each scan's reference time and pose
     #[arg(long, value_name = "OUT.tum")]
     pub trajectory: PathBuf,
-    /// Of clouds, the heights to take in the LiDAR's frame [default: -0.5,0.5]
+    /// Heights to use from clouds, in the LiDAR's frame [default: -0.5,0.5]
     #[arg(long, value_name = "MIN_M,MAX_M", allow_hyphen_values = true)]
     pub height_band: Option<HeightBand>,
     /// A known map to localise in.
@@ -43,7 +43,7 @@ pub struct Arguments {
     pub json: bool,
 }
 
-/// What `fleetcal odometry --json` prints, beside the trajectory.
+/// Summary that `fleetcal odometry --json` prints, beside the trajectory.
 #[derive(Debug, Clone, PartialEq, Serialize, utoipa::ToSchema)]
 pub(crate) struct OdometrySummary {
     /// [`OdometrySummary::SCHEMA_VERSION`] of the program that printed it.
@@ -58,7 +58,7 @@ pub(crate) struct OdometrySummary {
     map_restarts: u64,
     /// Length of the way, m.
     distance_m: f64,
-    /// From the first pose to the last, s.
+    /// Time from the first pose to the last, s.
     duration_s: f64,
     /// Median CPU time of one scan, ms.
     scan_median_ms: f64,
@@ -66,7 +66,7 @@ pub(crate) struct OdometrySummary {
     scan_p99_ms: f64,
     /// CPU time of it all, s.
     cpu_s: f64,
-    /// Seconds of recording worked through in one second.
+    /// Seconds of recording processed in one second.
     realtime_factor: f64,
 }
 
@@ -133,7 +133,7 @@ impl OdometrySummary {
 /// Runs the command.
 ///
 /// # Errors
-/// One sentence, with the exit status that goes with it.
+/// One sentence, with its exit status.
 pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError> {
     let recording = Recording::open(&arguments.recording)?;
     let channel = choose_scan_topic(recording.channels(), arguments.scan_topic.as_deref())?;

@@ -13,7 +13,7 @@ use crate::CommandError;
 /// Prints a document on standard output.
 ///
 /// # Errors
-/// When standard output cannot be written.
+/// Standard output cannot be written.
 pub fn print_json(document: &impl Serialize) -> Result<(), CommandError> {
     let mut json = serde_json::to_string_pretty(document)?;
     json.push('\n');
@@ -23,7 +23,7 @@ pub fn print_json(document: &impl Serialize) -> Result<(), CommandError> {
 /// Prints text on standard output.
 ///
 /// # Errors
-/// When standard output cannot be written.
+/// Standard output cannot be written.
 pub fn print_text(text: &str) -> Result<(), CommandError> {
     let mut stdout = std::io::stdout().lock();
     stdout.write_all(text.as_bytes())?;
@@ -31,7 +31,7 @@ pub fn print_text(text: &str) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// A trajectory file as the TUM tools read it: `stamp_s x y z qx qy qz qw`, one pose a line.
+/// Trajectory file of the TUM tools: `stamp_s x y z qx qy qz qw`, one pose a line.
 #[derive(Debug)]
 pub struct Trajectory {
     path: PathBuf,
@@ -39,10 +39,10 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// Makes the file, or empties it.
+    /// Creates the file, or empties it.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// The file cannot be written.
     pub fn create(path: &Path) -> Result<Self, CommandError> {
         match File::create(path) {
             Ok(file) => Ok(Self {
@@ -59,7 +59,7 @@ impl Trajectory {
     /// Adds a pose in the plane.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// The file cannot be written.
     pub fn add(&mut self, stamp: RobotTime, pose: &Pose2) -> Result<(), CommandError> {
         let line = tum_line(stamp, pose);
         self.file
@@ -67,10 +67,10 @@ impl Trajectory {
             .map_err(|source| self.failed(source))
     }
 
-    /// Writes what is left.
+    /// Writes the buffered rest.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// The file cannot be written.
     pub fn finish(mut self) -> Result<(), CommandError> {
         self.file.flush().map_err(|source| self.failed(source))
     }
@@ -83,7 +83,8 @@ impl Trajectory {
     }
 }
 
-/// Seconds are written from the integer: a double has no nanoseconds left after 1970.
+/// Formats a pose as a line. Seconds are written from the integer: a double cannot hold nanoseconds
+/// since 1970.
 fn tum_line(stamp: RobotTime, pose: &Pose2) -> String {
     let (seconds, ns) = (
         stamp.0.div_euclid(1_000_000_000),

@@ -4,10 +4,10 @@ use std::io::IsTerminal;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// Messages between two looks at the bar: drawing must not cost what it shows.
+/// Messages between two updates of the bar: drawing must not cost more than it is worth.
 const DRAWN_EVERY: u64 = 256;
 
-/// How far a command is with a recording.
+/// Progress of a command through a recording.
 #[derive(Debug)]
 pub struct Progress {
     bar: ProgressBar,
@@ -15,7 +15,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// A bar over `messages`, shown on standard error when that is a terminal.
+    /// Makes a bar over `messages`, shown on standard error if that is a terminal.
     pub fn over(messages: u64) -> Self {
         let target = if std::io::stderr().is_terminal() {
             ProgressDrawTarget::stderr()
@@ -29,7 +29,7 @@ impl Progress {
         Self { bar, done: 0 }
     }
 
-    /// One message further.
+    /// Advances by one message.
     pub fn advance(&mut self) {
         self.done += 1;
         if self.done.is_multiple_of(DRAWN_EVERY) {
@@ -37,7 +37,7 @@ impl Progress {
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn finish(self) {
         self.bar.finish_and_clear();
     }

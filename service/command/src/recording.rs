@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use fleetcal_fleet::decode::MessageRefused;
 use fleetcal_fleet::{Intake, Taken};
 use fleetcal_model::Stream;
 use fleetcal_proto::RecordingTopic;
@@ -23,7 +24,7 @@ pub struct RecordedStream {
     first_refusal: Option<String>,
 }
 
-/// The streams of a recording's topics, those of the wheel odometry first.
+/// Returns the streams of a recording's topics, those of the wheel odometry first.
 pub fn streams(topics: &Topics) -> Vec<RecordedStream> {
     let mut streams = match &topics.wheel_odometry {
         ChosenWheelOdometry::Whole(channel) => {
@@ -43,7 +44,7 @@ pub fn streams(topics: &Topics) -> Vec<RecordedStream> {
 }
 
 impl RecordedStream {
-    /// The stream that a channel carries.
+    /// Makes the stream that a channel carries.
     pub fn of(channel: &Channel, stream: Stream) -> Self {
         Self {
             topic: channel.topic.clone(),
@@ -55,17 +56,17 @@ impl RecordedStream {
         }
     }
 
-    /// Whether a message is of this stream.
+    /// True if a message belongs to this stream.
     pub fn carries(&self, message: &RecordedMessage) -> bool {
         *self.topic == *message.topic
     }
 
-    /// Whether it tells how the vehicle drives.
+    /// True if it is a stream of wheel odometry.
     pub fn is_wheel_odometry(&self) -> bool {
         self.stream.is_wheel_odometry()
     }
 
-    /// What a session calls it.
+    /// Returns its topic in a session.
     pub fn recording_topic(&self) -> Option<RecordingTopic> {
         let message_type: MessageType = self.form.message_type?;
         Some(RecordingTopic {
@@ -75,22 +76,42 @@ impl RecordedStream {
         })
     }
 
-    /// Decodes and checks a message; `None` when it is refused, which is counted.
+    /// Decodes and checks a message; returns `None` for a refused one, which is counted.
     pub fn take(&mut self, intake: &mut Intake, message: &RecordedMessage) -> Option<Taken> {
-        self.messages += 1;
-        match intake.take(self.stream, self.form, &message.payload) {
-            Ok(taken) => Some(taken),
-            Err(refused) => {
-                self.refused += 1;
-                if self.first_refusal.is_none() {
-                    self.first_refusal = Some(refused.to_string());
-                }
-                None
-            }
-        }
+        self.read(intake, message).ok()
     }
 
-    /// How many were refused and why, in one sentence; `None` when none was.
+    /// The same, with the reason of a refusal.
+    ///
+    /// # Errors
+    /// One sentence: the stream, the field, its value and what is accepted.
+    pub fn read(
+        &mut self,
+        intake: &mut Intake,
+        message: &RecordedMessage,
+    ) -> Result<Taken, MessageRefused> {
+        self.messages += 1;
+        let taken = intake.take(self.stream, self.form, &message.payload);
+        if let Err(refused) = &taken {
+            self.refused += 1;
+            self.first_refusal
+                .get_or_insert_with(|| refused.to_string());
+        }
+        taken
+    }
+
+    /// Its topic.
+    pub fn topic(&self) -> &str {
+        &self.topic
+    }
+
+    /// The stream, and the form of its messages.
+    pub fn kind(&self) -> (Stream, Form) {
+        (self.stream, self.form)
+    }
+
+    /// Returns the number of refusals and the first reason, in one sentence; `None` without
+    /// refusals.
     pub fn refusals(&self) -> Option<String> {
         let first = self.first_refusal.as_ref()?;
         let Self {
@@ -104,7 +125,7 @@ impl RecordedStream {
         ))
     }
 
-    /// Fails when there were messages and none could be used.
+    /// Fails if there were messages and none could be used.
     ///
     /// # Errors
     /// One sentence with the reason of the first refusal.

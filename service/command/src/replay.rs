@@ -12,21 +12,21 @@ use crate::progress::Progress;
 use crate::topics::TopicArguments;
 use crate::{Boxed, CommandError};
 
-/// What `fleetcal replay` takes.
+/// Arguments of `fleetcal replay`.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
     pub recording: PathBuf,
-    /// Where the service is.
+    /// Connection to the service.
     #[command(flatten)]
     pub connection: ConnectionArguments,
-    /// As which robot [default: the first chunk of the wheel odometry topic]
+    /// Id of the replayed robot [default: the first chunk of the wheel odometry topic]
     #[arg(long, value_name = "ID", value_parser = RobotId::parse)]
     pub robot: Option<RobotId>,
-    /// How many times as fast as it was recorded, or `max`: as fast as the service works
+    /// Speed relative to the recording, or `max`: as fast as the service processes
     #[arg(long, value_name = "N|max", default_value = "1", value_parser = str::parse::<Rate>)]
     pub rate: Rate,
-    /// Which topics are sent.
+    /// Topics to send.
     #[command(flatten)]
     pub topics: TopicArguments,
     /// First chunk of every key
@@ -37,7 +37,7 @@ pub struct Arguments {
 /// Runs the command.
 ///
 /// # Errors
-/// One sentence, with the exit status that goes with it.
+/// One sentence, with its exit status.
 pub fn run(arguments: &Arguments) -> Boxed<'_> {
     Box::pin(perform(arguments))
 }

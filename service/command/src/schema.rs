@@ -6,17 +6,18 @@ use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 
 use crate::CommandError;
+use crate::doctor::DoctorReport;
 use crate::odometry::OdometrySummary;
 use crate::output::print_json;
 
-/// What OpenAPI puts before the name of a schema, and JSON Schema.
+/// Prefix of references to schemas in OpenAPI.
 const OPENAPI_REFERENCE: &str = "#/components/schemas/";
 const JSON_SCHEMA_REFERENCE: &str = "#/$defs/";
 
-/// What `fleetcal schema` takes.
+/// Arguments of `fleetcal schema`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The command whose output it describes
+    /// The command whose output the schema describes
     #[arg(value_enum, value_name = "COMMAND")]
     pub of: JsonOutput,
 }
@@ -28,20 +29,22 @@ pub enum JsonOutput {
     Calibrate,
     /// `fleetcal odometry --json`.
     Odometry,
+    /// `fleetcal doctor --json`.
+    Doctor,
 }
 
 /// Prints the schema (JSON Schema, draft 2020-12).
 ///
 /// # Errors
-/// When standard output cannot be written.
+/// Standard output cannot be written.
 pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     print_json(&schema_of(arguments.of)?)
 }
 
-/// The schema of an output.
+/// Makes the schema of an output.
 ///
 /// # Errors
-/// When a part of it is no JSON, which does not happen.
+/// A part of it cannot be written as JSON, which does not happen.
 fn schema_of(output: JsonOutput) -> Result<Value, CommandError> {
     match output {
         JsonOutput::Calibrate => {
@@ -50,11 +53,12 @@ fn schema_of(output: JsonOutput) -> Result<Value, CommandError> {
         JsonOutput::Odometry => {
             document::<OdometrySummary>("odometry", OdometrySummary::SCHEMA_VERSION)
         }
+        JsonOutput::Doctor => document::<DoctorReport>("doctor", DoctorReport::SCHEMA_VERSION),
     }
 }
 
-/// The schema of a type as a document of its own: OpenAPI 3.1 describes types in JSON Schema's words,
-/// only what they refer to stands elsewhere.
+/// Makes the schema of a type as a document of its own: OpenAPI 3.1 describes types in JSON Schema,
+/// and only the references point elsewhere.
 fn document<T: ToSchema>(command: &str, version: u32) -> Result<Value, CommandError> {
     let mut parts = Vec::new();
     T::schemas(&mut parts);
@@ -82,7 +86,7 @@ fn document<T: ToSchema>(command: &str, version: u32) -> Result<Value, CommandEr
     Ok(schema)
 }
 
-/// Turns references into the OpenAPI document into those into `$defs`.
+/// Converts references into the OpenAPI document to references into `$defs`.
 fn refer_to_definitions(schema: &mut Value) {
     match schema {
         Value::Object(fields) => {

@@ -5,7 +5,7 @@ use fleetcal_fleet::document::estimate_document;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 
-/// An estimate a second, and where the rear axle was.
+/// Estimates, one a second, and the trajectory of the rear axle.
 #[derive(Debug, Default)]
 pub struct SessionRecord {
     /// The estimates, oldest first.
@@ -15,7 +15,7 @@ pub struct SessionRecord {
 }
 
 impl SessionRecord {
-    /// Takes what a step of the estimator said.
+    /// Adds the estimates among the effects of a step.
     pub fn take(&mut self, robot: &RobotId, effects: &[Effect]) {
         for effect in effects {
             if let Effect::Estimate(estimate) = effect {

@@ -10,10 +10,10 @@ pub struct Signals {
 }
 
 impl Signals {
-    /// Takes both signals from now on.
+    /// Begins to receive both signals.
     ///
     /// # Errors
-    /// When the system does not allow it.
+    /// The system refuses.
     pub fn listen() -> std::io::Result<Self> {
         Ok(Self {
             terminate: signal(SignalKind::terminate())?,

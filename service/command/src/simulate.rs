@@ -1,5 +1,6 @@
 //! `fleetcal simulate`: closed-loop simulated robots on the wire, or a recording of one.
 
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -10,19 +11,20 @@ use fleetcal_proto::signing::{PublicKey, TrustedKeys};
 use fleetcal_proto::{KeyRoot, Keys};
 use fleetcal_robot::Connection;
 use fleetcal_robot::fleet::{
-    FleetOptions, RobotSummary, SimulatedRobot, record, run_fleet, simulated_robots, truth_path,
+    FleetOptions, RobotSummary, START_STAMP_S, SimulatedRobot, record_wrong, run_fleet,
+    simulated_robots, truth_path,
 };
-use fleetcal_robot::simulator::Imperfections;
+use fleetcal_robot::simulator::{Imperfections, WrongInput};
 use tokio_util::sync::CancellationToken;
 
 use crate::output::print_text;
 use crate::signals::Signals;
 use crate::{Boxed, CommandError};
 
-/// What `fleetcal simulate` takes.
+/// Arguments of `fleetcal simulate`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// How many robots
+    /// Number of robots
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub robots: usize,
     /// Drive in real time, connected to this Zenoh endpoint; may be repeated
@@ -33,14 +35,15 @@ pub struct Arguments {
         required_unless_present_any = ["zenoh_config", "record", "configuration"]
     )]
     pub connect: Vec<String>,
-    /// A native Zenoh configuration for each robot, whose QUIC endpoints get one stream; --connect
-    /// replaces the endpoints in it
+    /// A native Zenoh configuration for each robot, in which QUIC endpoints are set to one stream;
+    /// --connect replaces its endpoints
     #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
-    /// Print what fleetcal.toml says of these robots instead: as they are drawn, not as they are
+    /// Print the configuration of these robots for fleetcal.toml instead: their drawings, not their
+    /// true values
     #[arg(long, conflicts_with_all = ["connect", "record"])]
     pub configuration: bool,
-    /// Record one robot instead, with its truth beside it
+    /// Record one robot instead, with its true values in a file beside it
     #[arg(long, value_name = "OUT.mcap", conflicts_with = "connect")]
     pub record: Option<PathBuf>,
     /// Length of the recording, in seconds
@@ -51,18 +54,43 @@ pub struct Arguments {
         requires = "record"
     )]
     pub duration: f64,
-    /// The service's public key, as `GET /api/v1/signing-key` shows it: the robots apply, at once
-    /// and in motion, the approved calibration for them; without it they take no calibration; may be
+    /// Stamp that the recording begins with, in whole seconds since 1970: one robot's recordings
+    /// follow one another
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = START_STAMP_S,
+        requires = "record"
+    )]
+    pub start_stamp: i32,
+    /// Turn each robot's LiDAR by so much to the left, in degrees: the same robot after a knock or
+    /// a reassembly
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    pub turn_lidar: f64,
+    /// The service's public key, from `GET /api/v1/signing-key`: the robots apply, at once and in
+    /// motion, the approved calibration for them; without it they accept no calibration; may be
     /// repeated
     #[arg(long, value_name = "PUBLICKEY", conflicts_with = "record")]
     pub service_key: Vec<PublicKey>,
-    /// What the robots' faults and the sensors' noise are drawn from
+    /// Seed of the robots' faults and of the sensors' noise
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
-    /// What the estimator's model does not know of the robots, as examples/imperfections.toml lists
-    /// it; a recording's truth names it
+    /// Seconds that pass for the robots in one of real time
+    #[arg(long, value_name = "TIMES", default_value_t = NonZeroU32::MIN, conflicts_with = "record")]
+    pub rate: NonZeroU32,
+    /// Imperfections of the robots that the estimator's model does not cover, in the form of
+    /// examples/imperfections.toml; a recording's truth file names it
     #[arg(long, value_name = "FILE")]
     pub imperfections: Option<PathBuf>,
+    /// Wrong inputs of the recording by name, as an integrator makes them: `steering_sign,degrees`; its
+    /// truth names them
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "record", value_parser = wrong_input)]
+    pub wrong: Vec<WrongInput>,
     /// First chunk of every key
     #[arg(long, value_name = "CHUNK", default_value = "fleet", value_parser = KeyRoot::parse)]
     pub root: KeyRoot,
@@ -71,7 +99,7 @@ pub struct Arguments {
 /// Drives until SIGTERM or SIGINT, or records.
 ///
 /// # Errors
-/// One sentence, with the exit status that goes with it.
+/// One sentence, with its exit status.
 pub fn run(arguments: &Arguments, clock: SharedClock) -> Boxed<'_> {
     Box::pin(perform(arguments, clock))
 }
@@ -81,16 +109,31 @@ async fn perform(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     if let Some(path) = &arguments.imperfections {
         make_imperfect(&mut robots, path)?;
     }
+    for robot in &mut robots {
+        robot.config.start_stamp_ns = i64::from(arguments.start_stamp) * 1_000_000_000;
+        robot.config.vehicle.lidar_in_base.yaw_rad += arguments.turn_lidar.to_radians();
+    }
     if arguments.configuration {
         return print_text(&robots.iter().map(entry).collect::<String>());
     }
     match &arguments.record {
-        Some(path) => record_one(&robots, arguments.duration, path.clone()).await,
+        Some(path) => record_one(&robots, arguments, path.clone()).await,
         None => drive(robots, arguments, clock).await,
     }
 }
 
-/// A robot's part of `fleetcal.toml`.
+/// Reads the name of a wrong input that shows in a recording of scans.
+fn wrong_input(name: &str) -> Result<WrongInput, String> {
+    let is_of_scans = |input: &WrongInput| input.needs_scans() != Some(false);
+    let found = WrongInput::by_name(name).filter(is_of_scans);
+    found.ok_or_else(|| {
+        let all = WrongInput::ALL.iter().filter(|input| is_of_scans(input));
+        let names: Vec<&str> = all.map(|input| input.name()).collect();
+        format!("expected one of {}", names.join(", "))
+    })
+}
+
+/// Writes a robot's part of `fleetcal.toml`.
 fn entry(robot: &SimulatedRobot) -> String {
     let Pose2 { x_m, y_m, yaw_rad } = robot.nominal();
     let model = match robot.model() {
@@ -105,7 +148,7 @@ fn entry(robot: &SimulatedRobot) -> String {
     )
 }
 
-/// Gives every robot the imperfections of a file.
+/// Applies the imperfections of a file to every robot.
 fn make_imperfect(robots: &mut [SimulatedRobot], path: &Path) -> Result<(), CommandError> {
     let text = std::fs::read_to_string(path).map_err(|source| CommandError::Read {
         path: path.to_owned(),
@@ -130,7 +173,7 @@ fn make_imperfect(robots: &mut [SimulatedRobot], path: &Path) -> Result<(), Comm
 
 async fn record_one(
     robots: &[SimulatedRobot],
-    duration_s: f64,
+    arguments: &Arguments,
     path: PathBuf,
 ) -> Result<(), CommandError> {
     let [robot] = robots else {
@@ -139,8 +182,10 @@ async fn record_one(
         });
     };
     let (robot, recorded) = (robot.clone(), path.clone());
+    let (duration_s, wrong) = (arguments.duration, arguments.wrong.clone());
     let recording =
-        tokio::task::spawn_blocking(move || record(&robot, duration_s, &recorded)).await?;
+        tokio::task::spawn_blocking(move || record_wrong(&robot, duration_s, &recorded, &wrong))
+            .await?;
     let truth = recording?;
     print_text(&format!(
         "{}: {duration_s} s of {}, wheelbase {} m; the truth is in {}\n",
@@ -170,6 +215,7 @@ async fn drive(
         keys: Keys::new(arguments.root.clone()),
         trusted,
         start_stamp_ns: clock.now().0,
+        rate: arguments.rate,
     };
     let stop = CancellationToken::new();
     let fleet = run_fleet(options, stop.clone());
@@ -184,7 +230,7 @@ async fn drive(
     print_text(&in_words(&summaries))
 }
 
-/// One line for each robot.
+/// Writes one line for each robot.
 fn in_words(summaries: &[RobotSummary]) -> String {
     let line = |summary: &RobotSummary| {
         let RobotSummary {
@@ -226,7 +272,7 @@ mod tests {
         Ok(given)
     }
 
-    /// Every key that an imperfection has a size in.
+    /// Returns the keys of all imperfections that are set.
     fn keys(imperfections: &Imperfections) -> Vec<String> {
         let table = toml::Table::try_from(imperfections).unwrap();
         let mut keys = Vec::new();

@@ -4,7 +4,7 @@ use fleetcal_fleet::words::{event, word};
 use fleetcal_model::{Parameter, ParameterStatus, Unit};
 use fleetcal_proto::estimate::{CalibrationReport, ParameterDocument};
 
-/// The table that `fleetcal calibrate` prints.
+/// Formats the table that `fleetcal calibrate` prints.
 pub fn table(report: &CalibrationReport) -> String {
     let mut lines = head(report);
     lines.push(String::new());
@@ -54,7 +54,7 @@ fn row(name: Parameter, parameter: &ParameterDocument) -> Vec<String> {
     lines
 }
 
-/// A parameter's name as a person reads it.
+/// Returns a parameter's name for people.
 pub fn title(name: Parameter) -> &'static str {
     match name {
         Parameter::SteeringOffset => "steering offset",
@@ -68,7 +68,7 @@ pub fn title(name: Parameter) -> &'static str {
     }
 }
 
-/// A value and its two sigmas in the unit that a person reads.
+/// Formats a value and its two sigmas in a unit for people.
 pub fn readable(parameter: &ParameterDocument) -> (String, String) {
     let (value, sigma) = (parameter.value, 2.0 * parameter.sigma);
     match parameter.unit {

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use fleetcal_proto::estimate::Timing;
 
-/// What a run over a recording has cost so far. A scan's time is the CPU time from one scan to the
-/// next: decoding, and the drive samples between them, included.
+/// Cost of a run over a recording so far. A scan's time is the CPU time from one scan to the next,
+/// including decoding and the drive samples between them.
 #[derive(Debug, Default)]
 pub struct ScanTimes {
     all: Duration,
@@ -26,7 +26,7 @@ impl ScanTimes {
         self.scans.push(std::mem::take(&mut self.since_scan));
     }
 
-    /// The cost of `duration_s` of recording that took `wall`.
+    /// Returns the cost of `duration_s` of recording that took `wall`.
     pub fn timing(mut self, duration_s: f64, wall: Duration) -> Timing {
         self.scans.sort_unstable();
         let wall_s = wall.as_secs_f64();
@@ -42,7 +42,7 @@ impl ScanTimes {
         }
     }
 
-    /// Of the sorted scans.
+    /// Returns a quantile of the sorted scans' times, ms.
     fn quantile_ms(&self, share: f64) -> f64 {
         let scans = self.scans.len();
         let at = ((scans as f64 * share) as usize).min(scans.saturating_sub(1));

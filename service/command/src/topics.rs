@@ -6,7 +6,7 @@ use fleetcal_domain::streams::{Joints, RobotStreams, StreamsFields};
 use fleetcal_model::Stream;
 use fleetcal_robot::recording::{AskedTopic, AskedTopics, Channel};
 
-/// The flags.
+/// Flags that choose topics.
 #[derive(Debug, Args)]
 pub struct TopicArguments {
     /// The topic with measured speed and steering in one message, if there are several
@@ -16,7 +16,7 @@ pub struct TopicArguments {
         value_name = "TOPIC"
     )]
     pub wheel_odometry: Option<String>,
-    /// The topic with the steering angle, where it comes apart from the speed
+    /// The topic with the steering angle, if it is separate from the speed
     #[arg(long = "steering-topic", value_name = "TOPIC")]
     pub steering: Option<String>,
     /// The topic with the speed: `Odometry`, `TwistStamped` or `JointState`
@@ -31,7 +31,7 @@ pub struct TopicArguments {
 }
 
 impl TopicArguments {
-    /// What the flags ask for.
+    /// Returns the topics that the flags name.
     pub fn asked(&self) -> AskedTopics {
         let asked = |topic: &Option<String>, by| {
             let topic = topic.clone()?;
@@ -46,7 +46,7 @@ impl TopicArguments {
         }
     }
 
-    /// What the flags ask for, else what the robot's configuration does.
+    /// Returns the topics that the flags name, else those of the robot's configuration.
     pub fn asked_or_configured(
         &self,
         robot: &str,
@@ -72,8 +72,8 @@ impl TopicArguments {
     }
 }
 
-/// The topic of a recording that a robot's configuration calls `name`: below the robot, at the top,
-/// or the only one that ends so.
+/// Returns the topic of a recording that a robot's configuration calls `name`: below the robot, at
+/// the top, or the only one with this ending.
 fn recorded_as(channels: &[Channel], robot: &str, name: &str) -> String {
     let (below, top) = (format!("/{robot}/{name}"), format!("/{name}"));
     let has = |topic: &str| channels.iter().any(|channel| channel.topic == topic);
@@ -90,10 +90,10 @@ fn recorded_as(channels: &[Channel], robot: &str, name: &str) -> String {
     }
 }
 
-/// Reads the flag of the joints, which has the keys of `streams.joints`.
+/// Parses the flag of the joints, which has the keys of `streams.joints`.
 ///
 /// # Errors
-/// Says what is wrong with it, and what is accepted.
+/// One sentence that names the fault and the accepted form.
 pub fn joints(text: &str) -> Result<Joints, String> {
     let fields: StreamsFields = toml::from_str(&format!("joints = {text}")).map_err(|error| {
         format!(

@@ -4,7 +4,7 @@
 
 use std::io::{Result, Write};
 
-/// Between what is said and the place.
+/// Separator between Zenoh's message and the place.
 const AT: &str = " at ";
 /// Ending of a source file, before the line.
 const ENDING: &str = ".rs:";
@@ -34,7 +34,7 @@ pub fn without_places(text: &str) -> String {
     said
 }
 
-/// A log whose lines name no places in Zenoh's sources. Each line is written at once.
+/// Writer of a log without places in Zenoh's sources. Each line is written at once.
 #[derive(Debug)]
 pub struct WithoutPlaces<W>(pub W);
 

@@ -15,7 +15,8 @@ pub struct ClusterConfig {
     /// The name of this instance; without one, this service has all robots.
     #[serde(deserialize_with = "instance")]
     pub instance: Option<InstanceId>,
-    /// Where other instances reach its HTTP API; `http://` and the address of `http` unless given.
+    /// URL at which other instances reach its HTTP API; `http://` and the address of `http` by
+    /// default.
     pub url: Option<PublicUrl>,
     /// Its weight against others, at least 1.
     #[serde(deserialize_with = "capacity")]
@@ -23,14 +24,14 @@ pub struct ClusterConfig {
     /// The instances that requests are forwarded to, by name.
     #[serde(deserialize_with = "peers")]
     pub peers: BTreeMap<InstanceId, PublicUrl>,
-    /// Certificates by which they are authenticated (PEM); those of the system without it.
+    /// Certificates by which they are authenticated (PEM); the system's by default.
     pub peer_root_certificates: Option<PathBuf>,
-    /// Whether they may be asked without TLS.
+    /// True if requests may be forwarded to them without TLS.
     pub plaintext_peers: bool,
-    /// Whether an instance is taken for dead before its lease ends, when its connection to the
-    /// database is gone and nothing is heard of it on Zenoh.
+    /// True if an instance may be declared dead before its lease ends, once its connection to the
+    /// database is gone and Zenoh receives nothing from it.
     pub fast_takeover: bool,
-    /// The file of the key that all instances sign with; that of the data folder without it.
+    /// File of the key that all instances sign with; that of the data folder by default.
     pub signing_key: Option<PathBuf>,
 }
 
@@ -50,10 +51,10 @@ impl Default for ClusterConfig {
 }
 
 impl ClusterConfig {
-    /// Checks what one key alone cannot say.
+    /// Checks the constraints between keys.
     ///
     /// # Errors
-    /// The key, what it is, and what is accepted.
+    /// The key, its value, and the accepted values.
     pub fn check(&self) -> Result<(), String> {
         for (instance, url) in &self.peers {
             if !url.is_https() && !self.plaintext_peers {

@@ -21,21 +21,21 @@ use serde::{Deserialize, Deserializer};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
-/// Settings that an estimator can work with.
+/// Reads settings that an estimator can work with.
 fn checked_settings<'de, D: Deserializer<'de>>(from: D) -> Result<EstimatorSettings, D::Error> {
     let settings = EstimatorSettings::deserialize(from)?;
     settings.check().map_err(D::Error::custom)?;
     Ok(settings)
 }
 
-/// A policy that can be followed.
+/// Reads a valid policy.
 fn checked_policy<'de, D: Deserializer<'de>>(from: D) -> Result<Policy, D::Error> {
     let policy = Policy::deserialize(from)?;
     policy.check().map_err(D::Error::custom)?;
     Ok(policy)
 }
 
-/// Alerts that can be followed.
+/// Reads a valid policy of alerts.
 fn checked_alerts<'de, D: Deserializer<'de>>(from: D) -> Result<AlertPolicy, D::Error> {
     let policy = AlertPolicy::deserialize(from)?;
     policy.check().map_err(D::Error::custom)?;
@@ -47,7 +47,7 @@ fn checked_alerts<'de, D: Deserializer<'de>>(from: D) -> Result<AlertPolicy, D::
 pub struct RobotEntry {
     /// Its id, one chunk of a key.
     pub id: RobotId,
-    /// The rest.
+    /// Other settings of the robot.
     pub config: RobotConfig,
 }
 
@@ -77,39 +77,39 @@ pub struct Config {
     pub data: PathBuf,
     /// PostgreSQL that keeps the records instead of a database in that folder.
     pub database: Option<PostgresUrl>,
-    /// File whose first line is its password.
+    /// File whose first line is the database's password.
     pub database_password_file: Option<PathBuf>,
     /// Address of the API and the dashboard.
     pub http: SocketAddr,
-    /// Where people reach them, when that is another address.
+    /// Public address of the API and the dashboard, if different.
     pub public_url: Option<PublicUrl>,
-    /// Proxies whose word about a client's address counts.
+    /// Proxies whose forwarded client addresses are trusted.
     pub trusted_proxies: TrustedProxies,
     /// Zenoh endpoints that the embedded router listens on.
     pub listen: Vec<String>,
     /// Zenoh routers to connect to.
     pub connect: Vec<String>,
-    /// A native Zenoh configuration file, used instead of `listen` and `connect`; its QUIC endpoints get
-    /// one stream.
+    /// A native Zenoh configuration file, used instead of `listen` and `connect`; its QUIC
+    /// endpoints are set to one stream.
     pub zenoh_config: Option<PathBuf>,
-    /// Whether peers beyond this machine may connect to Zenoh without showing who they are.
+    /// True if peers beyond this machine may connect to Zenoh without authentication.
     pub allow_anonymous: bool,
     /// First chunk of every key.
     pub root: KeyRoot,
-    /// Where ROS 2 robots' topics are.
+    /// Settings of the topics of ROS 2 robots.
     pub ros2: Ros2Settings,
     /// Settings of every estimator, unless its robot has its own.
     #[serde(deserialize_with = "checked_settings")]
     pub estimator: EstimatorSettings,
-    /// When something is proposed, who has to agree, and when it counts as proven.
+    /// Rules for proposing, approving and verifying calibrations.
     #[serde(deserialize_with = "checked_policy")]
     pub approval: Policy,
-    /// What operators are called for, and after how long.
+    /// Alerts for operators, and their delays.
     #[serde(deserialize_with = "checked_alerts")]
     pub alerts: AlertPolicy,
     /// This service as one instance of several.
     pub cluster: ClusterConfig,
-    /// Robots that are known beforehand.
+    /// Robots that are configured beforehand.
     #[serde(rename = "robot")]
     pub robots: Vec<RobotEntry>,
 }
@@ -138,23 +138,23 @@ impl Default for Config {
     }
 }
 
-/// Why a configuration file could not be used.
+/// Reason for which a configuration file could not be used.
 #[derive(Debug, Error)]
 pub enum ConfigError {
-    /// It could not be read.
+    /// The file could not be read.
     #[error("cannot read the configuration {path}: {source}")]
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// It is not what is accepted.
+    /// The content is refused.
     #[error("the configuration {path} is refused: {reason}")]
     Refused {
         /// The file.
         path: PathBuf,
-        /// Which line and key, and what is accepted.
+        /// Line and key, and the accepted values.
         reason: String,
     },
 }
@@ -163,7 +163,7 @@ impl Config {
     /// Reads a configuration file.
     ///
     /// # Errors
-    /// When it cannot be read, is not TOML, or holds an unknown key or a value that cannot be.
+    /// The file cannot be read, is not TOML, or holds an unknown key or an impossible value.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
             path: path.to_owned(),
@@ -217,8 +217,8 @@ impl Config {
 }
 
 impl Config {
-    /// SHA-256 of what all instances of a cluster have to agree in: how robots are estimated, what is
-    /// approved, what alerts, and which robots are known beforehand.
+    /// Returns the SHA-256 of the settings that all instances of a cluster have to agree in:
+    /// estimation of robots, approval, alerts, and the robots configured beforehand.
     pub fn agreed_sha256(&self) -> Vec<u8> {
         let robots = self.robots.iter().map(|robot| (&robot.id, &robot.config));
         let robots: std::collections::BTreeMap<_, _> = robots.collect();
@@ -234,7 +234,7 @@ impl Config {
     }
 }
 
-/// The line of a TOML text that an error is about.
+/// Returns the line of a TOML text that an error is about.
 pub fn line_of(text: &str, span: Option<std::ops::Range<usize>>) -> usize {
     let before = span.and_then(|span| text.get(..span.start));
     before.map_or(1, |before| before.matches('\n').count() + 1)
@@ -254,7 +254,7 @@ mod tests {
         connect = []
 
         [estimator]
-        measurement = "anchored"
+        anchor_distance_m = 4.0
 
         [[robot]]
         id = "tugger_01"
@@ -278,6 +278,20 @@ mod tests {
             robot.config.nominal_extrinsics.map(|m| m.pose()),
             Some(Pose2::new(0.434, 0.0, 0.0))
         );
+    }
+
+    #[test]
+    fn the_papers_filter_is_refused_by_name() {
+        for table in [
+            "[estimator]",
+            "[[robot]]\nid = \"a\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n[robot.estimator]",
+        ] {
+            let refused = refusal(&format!("{table}\nmeasurement = \"anchored\"\n"));
+            assert!(
+                refused.contains("measurement: got anchored, expected no such key"),
+                "{refused}"
+            );
+        }
     }
 
     #[test]

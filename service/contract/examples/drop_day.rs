@@ -15,7 +15,7 @@ use fleetcal_contract::{NOW_S, TestDatabase, clock, query, record, server};
 
 /// A day of 2025.
 const DAY: i64 = 20_100;
-/// Writing and reading goes on for so long after the day is gone.
+/// Time for which writing and reading continue after the day is dropped.
 const AFTER: Duration = Duration::from_secs(2);
 
 #[tokio::main]

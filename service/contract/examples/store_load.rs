@@ -20,10 +20,10 @@ use fleetcal_store::Store;
 
 /// A checkpoint's size, bytes: 5.9 to 7.8 kB were seen (`service/fleet/src/tests/checkpoints.rs`).
 const CHECKPOINT_BYTES: usize = 8_000;
-/// How long robots learn here at most, s.
+/// Longest time for which robots learn here, s.
 const LEARNING_S: usize = 60;
 
-/// What all robots are at.
+/// Activity of all robots.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Robots {
     Learning,
@@ -31,7 +31,7 @@ enum Robots {
 }
 
 impl Robots {
-    /// Time between two checkpoints of one, s.
+    /// Returns the time between two checkpoints of a robot, s.
     const fn checkpoint_every_s(self) -> usize {
         match self {
             Self::Learning => 10,
@@ -68,13 +68,13 @@ async fn main() {
     println!("{:<20}  {cost}", "SQLite");
 }
 
-/// What it cost.
+/// Measured cost.
 struct Cost {
     /// CPU of this process, cores.
     own: f64,
     /// CPU of PostgreSQL's processes, cores.
     server: f64,
-    /// Write-ahead log, MB/s; of SQLite what its process wrote.
+    /// Write-ahead log, MB/s; for SQLite the writes of its process.
     log_mb_s: f64,
     p50: Duration,
     p99: Duration,
@@ -139,7 +139,7 @@ async fn measure(database: &TestDatabase, robots: usize, seconds: usize, are: Ro
     }
 }
 
-/// One second of the whole fleet, with the checkpoints that are due in it.
+/// Writes one second of the whole fleet, with the checkpoints that are due in it.
 fn second(store: &Store, names: &[String], number: usize, are: Robots) {
     let now = store.now();
     let t_s = now.whole_s();
@@ -153,7 +153,7 @@ fn second(store: &Store, names: &[String], number: usize, are: Robots) {
     }
 }
 
-/// An estimate of which every number differs from the one before in all of its digits.
+/// Makes an estimate in which every number differs from the previous one in all of its digits.
 fn moved(name: &str, t_s: i64, number: usize, are: Robots) -> EstimateDocument {
     let step = |index: usize| 1e-3 * ((number + 7 * index) % 997) as f64 / 3.0;
     let mut estimate = estimate(name, t_s, step(0), 0.3 + step(1));
@@ -180,7 +180,7 @@ fn moved(name: &str, t_s: i64, number: usize, are: Robots) -> EstimateDocument {
     estimate
 }
 
-/// A decision every 100 ms; gives how long each took.
+/// Makes a decision every 100 ms; returns the latency of each.
 async fn decide(store: Store, began: Instant, seconds: usize) -> Vec<Duration> {
     let mut latencies = Vec::new();
     let mut tick = tokio::time::interval(Duration::from_millis(100));
@@ -196,7 +196,7 @@ async fn decide(store: Store, began: Instant, seconds: usize) -> Vec<Duration> {
     latencies
 }
 
-/// What was spent until now.
+/// Resources spent so far.
 struct Spent {
     own_s: f64,
     server_s: f64,
@@ -222,7 +222,8 @@ impl Spent {
     }
 }
 
-/// CPU of a server's process, of those that it has now, and of those that have ended, s.
+/// Returns the CPU time of a server's process, of its present children, and of those that have
+/// ended, s.
 fn server_cpu_s(server: u32) -> f64 {
     let mut total_s = 0.0;
     for process in std::fs::read_dir("/proc").unwrap().flatten() {
@@ -241,7 +242,7 @@ fn server_cpu_s(server: u32) -> f64 {
     total_s
 }
 
-/// CPU time in a line of `/proc/PID/stat`, with that of children that have ended or without, s.
+/// Returns the CPU time in a line of `/proc/PID/stat`, with or without that of ended children, s.
 fn cpu_s(stat: &str, with_children: bool) -> f64 {
     const TICKS_PER_S: f64 = 100.0;
     let (_, rest) = stat.rsplit_once(") ").unwrap();
@@ -255,7 +256,7 @@ fn cpu_s(stat: &str, with_children: bool) -> f64 {
         / TICKS_PER_S
 }
 
-/// Bytes that this process has given to the disk.
+/// Returns the number of bytes that this process has written to the disk.
 fn written_bytes() -> f64 {
     let io = std::fs::read_to_string("/proc/self/io").unwrap();
     let line = io
@@ -264,7 +265,7 @@ fn written_bytes() -> f64 {
     line.unwrap().parse().unwrap()
 }
 
-/// A robot's state as large as they are, which does not compress.
+/// Makes an incompressible state of the usual size.
 fn checkpoint(number: usize) -> Vec<u8> {
     let mut state = Vec::with_capacity(CHECKPOINT_BYTES + 8);
     let mut bits = number as u64 | 1;

@@ -9,26 +9,26 @@ use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_store::{Store, StoreError};
 use tempfile::TempDir;
 
-/// Names the PostgreSQL server that tests may fill with databases, such as
+/// Variable with the PostgreSQL server that tests may fill with databases, such as
 /// `postgres://fleetcal@127.0.0.1:5432/postgres`.
 pub const SERVER: &str = "FLEETCAL_TEST_POSTGRES";
 
-/// The server that [`SERVER`] names.
+/// Returns the server that [`SERVER`] names.
 pub fn server() -> Option<PostgresUrl> {
     let url = std::env::var(SERVER).ok()?;
     Some(url.parse().unwrap())
 }
 
-/// A database of its own, which goes with this value where it is a file; the server of the others
-/// goes after the tests.
+/// A database of one test. A file is removed with this value; the others are removed with their
+/// server after the tests.
 #[derive(Debug)]
 pub struct TestDatabase {
     place: Place,
-    /// Goes with this value.
+    /// Folder that is removed with this value.
     _folder: Option<TempDir>,
 }
 
-/// Where a database is.
+/// Place of a database.
 #[derive(Debug)]
 enum Place {
     Folder(PathBuf),
@@ -36,7 +36,7 @@ enum Place {
 }
 
 impl TestDatabase {
-    /// An empty one.
+    /// Makes an empty database.
     pub async fn new() -> Self {
         match server() {
             Some(server) => Self::on(&server).await,
@@ -44,7 +44,7 @@ impl TestDatabase {
         }
     }
 
-    /// An empty one in SQLite.
+    /// Makes an empty database in SQLite.
     pub fn in_sqlite() -> Self {
         let folder = tempfile::tempdir().unwrap();
         Self {
@@ -53,13 +53,13 @@ impl TestDatabase {
         }
     }
 
-    /// An empty one on a server.
+    /// Makes an empty database on a server.
     pub async fn on(server: &PostgresUrl) -> Self {
         let url = fleetcal_postgres::create_for_test(server).await.unwrap();
         Self::at(&url.to_string())
     }
 
-    /// One that another process has made, by its address.
+    /// Returns a database that another process has made, by its address.
     pub fn at(address: &str) -> Self {
         let place = match address.parse() {
             Ok(url) => Place::Server(PostgresSetup {
@@ -74,7 +74,7 @@ impl TestDatabase {
         }
     }
 
-    /// What another process finds it by.
+    /// Returns the address by which another process finds it.
     pub fn address(&self) -> String {
         match &self.place {
             Place::Folder(path) => path.display().to_string(),
@@ -82,7 +82,7 @@ impl TestDatabase {
         }
     }
 
-    /// Where it is, unless it is a file.
+    /// Returns its server, unless it is a file.
     pub fn postgres(&self) -> Option<&PostgresSetup> {
         match &self.place {
             Place::Folder(_) => None,
@@ -101,8 +101,8 @@ impl TestDatabase {
         .unwrap()
     }
 
-    /// Opens a store that runs each job twice, of which the first run is undone: so every test
-    /// shows that its jobs can be run again.
+    /// Opens a store that runs each job twice, with the first run undone: so every test shows that
+    /// its jobs can be repeated.
     pub async fn open_running_twice(&self, clock: Arc<impl Clock>) -> Store {
         match &self.place {
             Place::Server(setup) => {

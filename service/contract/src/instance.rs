@@ -7,12 +7,12 @@ use fleetcal_store::{Store, StoreError};
 
 use crate::clock;
 
-/// The name of an instance.
+/// Makes the name of an instance.
 pub fn instance(name: &str) -> InstanceId {
     InstanceId::parse(name).unwrap()
 }
 
-/// What an instance says of itself.
+/// Makes the description of an instance that joins.
 pub fn joining(name: &str) -> Joining {
     Joining {
         instance: instance(name),
@@ -28,7 +28,7 @@ pub fn joining(name: &str) -> Joining {
 /// Opens the store of an instance, which has not joined yet.
 ///
 /// # Errors
-/// As of [`fleetcal_postgres::open`].
+/// Errors of [`fleetcal_postgres::open`].
 pub async fn open_instance(
     setup: PostgresSetup,
     name: &str,

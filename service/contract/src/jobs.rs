@@ -34,7 +34,7 @@ impl Job for AddUser {
     }
 }
 
-/// Says whether a user is there.
+/// Returns whether a user exists.
 #[derive(Debug)]
 pub struct IsThere(pub &'static str);
 
@@ -48,7 +48,7 @@ impl Job for IsThere {
     }
 }
 
-/// Keeps the configuration of robot `a` and an event; gives the event's number.
+/// Stores the configuration of robot `a` and an event; returns the event's number.
 #[derive(Debug)]
 pub struct KeepRobot(pub RobotConfig, pub NewEvent);
 
@@ -67,7 +67,7 @@ impl Job for KeepRobot {
     }
 }
 
-/// Appends so many rows about robot `a` to the audit, numbered from 0 on.
+/// Appends this number of rows about robot `a` to the audit, numbered from 0 on.
 #[derive(Debug)]
 pub struct AppendAudit(pub u32);
 

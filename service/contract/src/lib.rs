@@ -32,18 +32,18 @@ pub const NOW_S: i64 = 1_767_225_600;
 /// Nanoseconds in a second.
 pub const NS: i64 = 1_000_000_000;
 
-/// The id of a robot.
+/// Makes the id of a robot.
 pub fn robot(name: &str) -> RobotId {
     RobotId::parse(name).unwrap()
 }
 
-/// A clock that stands at [`NOW_S`].
+/// Makes a clock that stands at [`NOW_S`].
 pub fn clock() -> Arc<MockClock> {
     MockClock::at(NOW_S * NS)
 }
 
-/// An estimate of second `t_s` with this steering offset and LiDAR yaw; wheelbase and steering
-/// gain are fixed, the rest is 0.5.
+/// Makes an estimate of second `t_s` with this steering offset and LiDAR yaw; wheelbase and
+/// steering gain are fixed, the rest is 0.5.
 ///
 pub fn estimate(name: &str, t_s: i64, offset_rad: f64, yaw_rad: f64) -> EstimateDocument {
     let parameter = |parameter: Parameter| {
@@ -95,7 +95,7 @@ pub fn record(store: &Store, name: &str, t_s: i64, offset_rad: f64) {
     store.record_history(&estimate(name, t_s, offset_rad, 0.0), WallTime(t_s * NS));
 }
 
-/// Asks for steering offset and LiDAR yaw from `from_s` to `to_s`.
+/// Makes a query for steering offset and LiDAR yaw from `from_s` to `to_s`.
 pub fn query(name: &str, from_s: i64, to_s: i64, points_max: u32) -> HistoryQuery {
     let parameters = vec![Parameter::SteeringOffset, Parameter::LidarYaw];
     HistoryQuery {
@@ -107,13 +107,13 @@ pub fn query(name: &str, from_s: i64, to_s: i64, points_max: u32) -> HistoryQuer
     }
 }
 
-/// The configuration of a robot.
+/// Makes the configuration of a robot.
 pub fn config(wheelbase_m: f64) -> RobotConfig {
     serde_json::from_value(serde_json::json!({"model": "bicycle", "wheelbase_m": wheelbase_m}))
         .unwrap()
 }
 
-/// An event of robot `a` with this note.
+/// Makes an event of robot `a` with this note.
 pub fn event(note: &str) -> NewEvent {
     NewEvent {
         robot: robot("a"),

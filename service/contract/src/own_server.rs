@@ -13,22 +13,22 @@ use tempfile::TempDir;
 
 use crate::database::{SERVER, server};
 
-/// The role that owns everything on a server of a test.
+/// Role that owns everything on a server of a test.
 const OWNER: &str = "fleetcal";
 
-/// The server that [`SERVER`] names.
+/// Returns the server that [`SERVER`] names.
 pub fn named() -> PostgresUrl {
     server().unwrap_or_else(|| {
         panic!("{SERVER} is not set, expected the URL of a PostgreSQL that may be filled with databases")
     })
 }
 
-/// A number that the environment may set, such as how often something is repeated.
+/// Reads a number that the environment may set, such as a number of repetitions.
 pub fn number(name: &str, default: usize) -> usize {
     std::env::var(name).map_or(default, |text| text.parse().unwrap())
 }
 
-/// Where a database is, without a password.
+/// Makes the setup of a database without a password.
 pub fn setup(url: &PostgresUrl) -> PostgresSetup {
     PostgresSetup {
         url: url.clone(),
@@ -36,14 +36,14 @@ pub fn setup(url: &PostgresUrl) -> PostgresSetup {
     }
 }
 
-/// Runs statements on the first server of a URL, as psql does; gives what they print.
+/// Runs statements on the first server of a URL by psql; returns the output.
 pub fn psql(url: &PostgresUrl, sql: &str) -> String {
     let text = url.to_string();
     // psql reads the same URL; what is after `?` are parameters that it knows.
     done(program("psql").args(["--dbname", &text, "-XAtqc", sql]))
 }
 
-/// The same of a server that may be none: `None` when it does not answer within 2 s, or refuses.
+/// Runs statements likewise; returns `None` if the server does not answer within 2 s, or refuses.
 pub fn try_psql(url: &PostgresUrl, sql: &str) -> Option<String> {
     let mut command = program("psql");
     command.env("PGCONNECT_TIMEOUT", "2");
@@ -53,7 +53,7 @@ pub fn try_psql(url: &PostgresUrl, sql: &str) -> Option<String> {
     output.status.success().then_some(told)
 }
 
-/// A connection of psql beside those of the test. What it has not committed is undone when this goes.
+/// A connection of psql beside those of the test. Its uncommitted statements are undone on drop.
 #[derive(Debug)]
 pub struct Beside {
     psql: Child,
@@ -94,7 +94,7 @@ impl Drop for Beside {
     }
 }
 
-/// Copies a database into a new one on the same server as `docs/postgresql.md` says.
+/// Copies a database into a new one on the same server as described in `docs/postgresql.md`.
 pub fn dump_and_restore(from: &PostgresUrl, to: &PostgresUrl) {
     let file = tempfile::NamedTempFile::new().unwrap();
     let mut dump = program("pg_dump");
@@ -105,7 +105,7 @@ pub fn dump_and_restore(from: &PostgresUrl, to: &PostgresUrl) {
     done(restore.arg(file.path()));
 }
 
-/// Runs a statement that has to be refused; gives why.
+/// Runs a statement that has to be refused; returns the reason.
 pub fn psql_refused(url: &PostgresUrl, sql: &str) -> String {
     let text = url.to_string();
     let mut refused = program("psql");
@@ -115,7 +115,7 @@ pub fn psql_refused(url: &PostgresUrl, sql: &str) -> String {
     told(&output)
 }
 
-/// A server of a test, stopped at its end.
+/// A server of a test, stopped on drop.
 #[derive(Debug)]
 pub struct OwnServer {
     folder: TempDir,
@@ -124,7 +124,7 @@ pub struct OwnServer {
 }
 
 impl OwnServer {
-    /// A new one, which runs. `authentication` is what `initdb --auth-host` takes.
+    /// Starts a new server. `authentication` is the value of `initdb --auth-host`.
     pub fn start_new(authentication: &str) -> Self {
         named();
         let server = Self::prepared();
@@ -148,7 +148,7 @@ impl OwnServer {
         server
     }
 
-    /// A standby of a server, which runs.
+    /// Starts a standby of a server.
     pub fn standby_of(primary: &Self) -> Self {
         let server = Self::prepared();
         let mut copy = server.program("pg_basebackup");
@@ -176,8 +176,8 @@ impl OwnServer {
         }
     }
 
-    /// Listens at a further address of this machine from the next start on, where it asks whoever
-    /// connects for nothing.
+    /// Listens on a further address of this machine from the next start on, without authentication
+    /// there.
     pub fn listen_at(&mut self, address: IpAddr) {
         self.addresses.push(address);
         let access = self.data().join("pg_hba.conf");
@@ -189,7 +189,7 @@ impl OwnServer {
         self.folder.path().join("data")
     }
 
-    /// A program of PostgreSQL as the user who may run a server.
+    /// Makes a command of a PostgreSQL program as the user who may run a server.
     fn program(&self, name: &str) -> Command {
         let mut command = as_server_user(&path_of(name));
         command.current_dir(self.folder.path());
@@ -202,7 +202,7 @@ impl OwnServer {
         command
     }
 
-    /// Starts it and waits until it takes connections.
+    /// Starts it and waits until it accepts connections.
     pub fn start(&self) {
         let addresses: Vec<_> = self.addresses.iter().map(IpAddr::to_string).collect();
         let options = format!(
@@ -232,7 +232,7 @@ impl OwnServer {
         done(&mut self.pg_ctl(&["--wait", "--mode=fast", "stop"]));
     }
 
-    /// Waits until a standby has what its primary has.
+    /// Waits until a standby has received everything from its primary.
     pub fn wait_until_equal(&self, primary: &Self) {
         let sql = "SELECT pg_current_wal_flush_lsn()";
         let written = psql(&primary.url("postgres"), sql);
@@ -246,7 +246,7 @@ impl OwnServer {
         panic!("the standby stays behind");
     }
 
-    /// Makes a standby the server that can be written.
+    /// Promotes a standby to the writable server.
     pub fn promote(&self) {
         done(&mut self.pg_ctl(&["--wait", "promote"]));
     }
@@ -258,17 +258,17 @@ impl OwnServer {
         done(Command::new("kill").args(["-9", pid]));
     }
 
-    /// Its port, at each of its addresses.
+    /// Returns its port, at each of its addresses.
     pub fn port(&self) -> u16 {
         self.port
     }
 
-    /// Its place in a URL.
+    /// Returns its host and port in a URL.
     pub fn host(&self) -> String {
         format!("127.0.0.1:{}", self.port)
     }
 
-    /// A database on it.
+    /// Returns the URL of a database on it.
     pub fn url(&self, database: &str) -> PostgresUrl {
         url_of(&[&self.host()], OWNER, database)
     }
@@ -282,14 +282,14 @@ impl Drop for OwnServer {
     }
 }
 
-/// A database on one of several hosts.
+/// Makes the URL of a database on one of several hosts.
 pub fn url_of(hosts: &[&str], user: &str, database: &str) -> PostgresUrl {
     let hosts = hosts.join(",");
     let url = format!("postgres://{user}@{hosts}/{database}?sslmode=disable");
     url.parse().unwrap()
 }
 
-/// A program as the user who may run a server: PostgreSQL refuses root.
+/// Makes a command of a program as the user who may run a server: PostgreSQL refuses root.
 pub fn as_server_user(program: &Path) -> Command {
     if !is_root() {
         return Command::new(program);
@@ -299,14 +299,14 @@ pub fn as_server_user(program: &Path) -> Command {
     command
 }
 
-/// Lets that user write into a folder.
+/// Makes a folder writable for that user.
 pub fn own_by_server_user(folder: &Path) {
     if is_root() {
         done(Command::new("chown").arg("postgres").arg(folder));
     }
 }
 
-/// Where the programs of the newest PostgreSQL are.
+/// Returns the folder of the newest PostgreSQL's programs.
 pub fn program_folder() -> PathBuf {
     let initdb = path_of("initdb");
     initdb.parent().unwrap_or(Path::new("/")).to_owned()
@@ -320,7 +320,7 @@ fn program(name: &str) -> Command {
     Command::new(path_of(name))
 }
 
-/// Where a program of the newest PostgreSQL is: Debian keeps servers off the path.
+/// Returns the path of a program of the newest PostgreSQL: Debian keeps servers off the path.
 fn path_of(name: &str) -> PathBuf {
     let versions = fs::read_dir("/usr/lib/postgresql");
     let folders = versions.into_iter().flatten().filter_map(Result::ok);
@@ -333,7 +333,7 @@ fn path_of(name: &str) -> PathBuf {
         .unwrap_or_else(|| Path::new(name).to_owned())
 }
 
-/// Runs a command that has to succeed; gives its output.
+/// Runs a command that has to succeed; returns its output.
 fn done(command: &mut Command) -> String {
     let output = command.output();
     let output = output.unwrap_or_else(|error| panic!("{command:?} cannot be run: {error}"));

@@ -1,71 +1,70 @@
-//! Audit of an action. Its text, and the kind of record that it was done to, follow from
-//! one closed type.
+//! Audit of an action. Its text and the kind of its record follow from one closed type.
 
 use strum::IntoStaticStr;
 
 use crate::approval::{DeploymentAction, ProposalAction, ShadowAction, Transition};
 
-/// What was done. The text is the audit's.
+/// Action in the audit. The text is the audit's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, IntoStaticStr)]
 pub enum Action {
-    /// To a proposal.
+    /// Action on a proposal.
     Proposal(ProposalAction),
-    /// To a deployment.
+    /// Action on a deployment.
     Deployment(DeploymentAction),
-    /// To what a robot should use and what it reported.
+    /// Action on a shadow (desired and reported calibration).
     Shadow(ShadowAction),
-    /// The first administrator was made.
+    /// Creation of the first administrator.
     #[strum(serialize = "user.set_up")]
     SetUp,
-    /// A user was made.
+    /// Creation of a user.
     #[strum(serialize = "user.create")]
     CreateUser,
-    /// A user's password changed, and nothing else.
+    /// Change of a user's password alone.
     #[strum(serialize = "user.password")]
     ChangePassword,
-    /// A user changed.
+    /// Change of a user.
     #[strum(serialize = "user.edit")]
     EditUser,
-    /// A user was removed.
+    /// Removal of a user.
     #[strum(serialize = "user.remove")]
     RemoveUser,
-    /// A user signed in.
+    /// Sign-in of a user.
     #[strum(serialize = "session.sign_in")]
     SignIn,
-    /// A user signed out.
+    /// Sign-out of a user.
     #[strum(serialize = "session.sign_out")]
     SignOut,
-    /// A token was made.
+    /// Creation of a token.
     #[strum(serialize = "token.create")]
     CreateToken,
-    /// A token was revoked.
+    /// Revocation of a token.
     #[strum(serialize = "token.revoke")]
     RevokeToken,
-    /// A robot got its first configuration.
+    /// First configuration of a robot.
     #[strum(serialize = "robot.register")]
     RegisterRobot,
-    /// A robot's configuration changed.
+    /// Change of a robot's configuration.
     #[strum(serialize = "robot.configure")]
     ConfigureRobot,
-    /// Somebody noted an event.
+    /// Note about a robot.
     #[strum(serialize = "event.note")]
     NoteEvent,
-    /// Somebody took an alert on.
+    /// Acknowledgement of an alert.
     #[strum(serialize = "alert.acknowledge")]
     AcknowledgeAlert,
-    /// A webhook was made.
+    /// Creation of a webhook.
     #[strum(serialize = "webhook.create")]
     CreateWebhook,
-    /// A webhook was deleted.
+    /// Removal of a webhook.
     #[strum(serialize = "webhook.delete")]
     DeleteWebhook,
-    /// Deployments were frozen.
+    /// Begin of a deployment freeze.
     #[strum(serialize = "freeze.begin")]
     BeginFreeze,
-    /// Deployments were resumed.
+    /// End of a deployment freeze.
     #[strum(serialize = "freeze.end")]
     EndFreeze,
-    /// The approval policy was set.
+    /// Change of the approval policy.
     #[strum(serialize = "policy.change")]
     ChangePolicy,
 }
@@ -81,7 +80,7 @@ impl Action {
         }
     }
 
-    /// The kind of record that it is done to, as the audit names it.
+    /// Kind of the record that it acts on, as the audit names it.
     pub const fn subject(self) -> &'static str {
         match self {
             Self::Proposal(_) => "proposal",
@@ -106,7 +105,7 @@ impl Action {
 }
 
 impl Transition {
-    /// What was done, for the audit.
+    /// Action of the transition, for the audit.
     pub const fn action(&self) -> Action {
         match self {
             Self::Proposal(change) => Action::Proposal(change.action),

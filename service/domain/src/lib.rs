@@ -1,6 +1,6 @@
-//! Decisions of the service, without any outside world: who may do what ([`access`]), how
-//! a calibration gets from a proposal to its robot ([`approval`]), what is wrong with a robot
-//! ([`alert`]), how it stands ([`standing`]) and who is told of it ([`webhook`]).
+//! Decisions of the service, without I/O: access of users and programs ([`access`]), the way of a
+//! calibration from a proposal to its robot ([`approval`]), the problems of a robot ([`alert`]),
+//! its standing ([`standing`]), and the messages about them ([`webhook`]).
 //!
 //! Pure: the clock and randomness are arguments; no database, no wire, no async. [`robot`] and
 //! [`streams`] describe a robot's configuration and state; [`limits`] holds every bound of the

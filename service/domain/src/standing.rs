@@ -1,4 +1,5 @@
-//! Standing of a robot, in one word: its estimate, the life cycle of its calibration and its alerts.
+//! Standing of a robot, in one word: from its estimate, the life cycle of its calibration and its
+//! alerts.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +13,8 @@ use crate::alert::{Alert, AlertKind, ConditionName};
 use crate::approval::{DeploymentState, RobotLedger, Tolerance, difference};
 use crate::robot::{RobotState, RobotView};
 
-/// How a robot stands, the most urgent first: of all that is so at once, the least one counts.
+/// Standing of a robot, the most urgent first; if several apply, the first in this list is
+/// reported.
 #[derive(
     Debug,
     Clone,
@@ -34,46 +36,46 @@ use crate::robot::{RobotState, RobotView};
 pub enum Standing {
     /// The previous calibration was not restored.
     RollbackFailed,
-    /// The estimate differs significantly from the approved calibration in use, or the vehicle has
-    /// changed.
+    /// Significant difference between the estimate and the approved calibration in use, or a
+    /// changed vehicle.
     Drift,
-    /// A verification estimate disagrees with the calibration that was applied.
+    /// Verification estimate that disagrees with the applied calibration.
     VerificationFailed,
-    /// Two senders use the robot's id.
+    /// Two senders under the robot's id.
     TwoSenders,
-    /// The robot sends its wheel odometry on a key that is no longer used.
+    /// Wheel odometry on a key that is no longer used.
     FormerKey,
-    /// An answer in the robot's name contradicts another.
+    /// Answer in the robot's name that contradicts another.
     FalseReport,
-    /// The estimator failed too often and was stopped.
+    /// Estimator stopped after too many failures.
     EstimatorFailed,
     /// No instance of the cluster estimates the robot.
     NoInstance,
-    /// The robot did not apply what was approved for it.
+    /// Approved calibration that the robot did not apply.
     NotApplied,
-    /// The robot uses another calibration than the expected one.
+    /// Calibration in use that differs from the expected one.
     OutOfSync,
-    /// The robot is configured and sends no data.
+    /// Configured robot that sends no data.
     NoData,
-    /// A sensor or the LiDAR odometry fails.
+    /// Failure of a sensor or of the LiDAR odometry.
     Fault,
-    /// The robot sends data, and its vehicle is not configured.
+    /// Robot that sends data, without a configured vehicle.
     Unregistered,
-    /// New values are proposed and need approval.
+    /// Proposal that needs approval.
     AwaitingApproval,
-    /// New values are approved and are being sent, applied or verified.
+    /// Approved values that are being sent, applied or verified.
     Deploying,
-    /// The estimate is outside the tolerance around the values in use, and they have not, or not yet,
-    /// been shown to have drifted.
+    /// Estimate outside the tolerance around the values in use, without proof, or not yet, that
+    /// they have drifted.
     Uncalibrated,
-    /// Some parameters have not converged.
+    /// Parameters that have not converged.
     Learning,
-    /// All observable parameters have converged.
+    /// Convergence of all observable parameters.
     Calibrated,
 }
 
 impl Standing {
-    /// All of them, the most urgent first.
+    /// Every standing, the most urgent first.
     pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
 
     /// The name in documents and in `/metrics`.
@@ -81,7 +83,7 @@ impl Standing {
         self.into()
     }
 
-    /// The standing of this name.
+    /// Parses the name of a standing.
     pub fn parse(name: &str) -> Option<Self> {
         name.parse().ok()
     }
@@ -117,7 +119,8 @@ impl Standing {
         }
     }
 
-    /// `None` of an alert that says nothing of a robot.
+    /// Standing of a robot with an alert of this kind; `None` for a kind that does not concern one
+    /// robot.
     const fn of_alert(kind: AlertKind) -> Option<Self> {
         Some(match kind {
             AlertKind::RollbackFailed => Self::RollbackFailed,
@@ -138,24 +141,24 @@ impl Standing {
     }
 }
 
-/// The kinds of a robot's alerts that say how it stands.
+/// Kinds of a robot's alerts that affect its standing.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct RobotAlerts {
-    /// They fire.
+    /// Kinds that fire.
     alerting: BTreeSet<AlertKind>,
-    /// They fired until the robot fell silent.
+    /// Kinds that fired until the robot fell silent.
     stale: BTreeSet<AlertKind>,
 }
 
 impl RobotAlerts {
-    /// Takes where the alert of a kind stands now.
+    /// Sets the condition of the alert of a kind.
     pub fn set(&mut self, kind: AlertKind, condition: ConditionName) {
         self.alerting.remove(&kind);
         self.stale.remove(&kind);
         self.add(kind, condition);
     }
 
-    /// Takes an alert of the kind beside another one of it, as of the whole fleet.
+    /// Adds an alert of a kind beside another one of it, such as one of the whole fleet.
     fn add(&mut self, kind: AlertKind, condition: ConditionName) {
         match condition {
             ConditionName::Alerting => self.alerting.insert(kind),
@@ -165,7 +168,7 @@ impl RobotAlerts {
         };
     }
 
-    /// Those of each robot that has any, of all active alerts.
+    /// Alerts by robot, from all active alerts; robots without one are absent.
     pub fn by_robot<'a>(active: impl IntoIterator<Item = &'a Alert>) -> BTreeMap<RobotId, Self> {
         let mut found: BTreeMap<RobotId, Self> = BTreeMap::new();
         for alert in active {
@@ -178,17 +181,17 @@ impl RobotAlerts {
     }
 }
 
-/// How a robot stands apart from its alerts, and what they would make of that.
+/// Standing of a robot without its alerts, and the facts that alerts change it by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StandingBasis {
     without_alerts: Standing,
-    /// Whether its last estimate is outside the tolerance around what it uses.
+    /// True if its last estimate is outside the tolerance around the values in use.
     is_beyond: bool,
 }
 
 impl StandingBasis {
-    /// How a robot stands by what is seen of it and by its records. `propose_beyond` is the
-    /// tolerance of the policy, `now` wall time.
+    /// Standing of a robot by its view and its records. `propose_beyond` is the tolerance of the
+    /// policy, `now` wall time.
     pub fn of(
         view: &RobotView,
         ledger: &RobotLedger,
@@ -218,7 +221,7 @@ impl StandingBasis {
         }
     }
 
-    /// How the robot stands with these alerts: the most urgent of what is so.
+    /// Standing with these alerts: the most urgent that applies.
     pub fn with(self, alerts: &RobotAlerts) -> Standing {
         let alerting = alerts.alerting.iter();
         let alerting = alerting.filter_map(|kind| Standing::of_alert(*kind));
@@ -235,21 +238,21 @@ impl StandingBasis {
     }
 }
 
-/// Whether a part of the last estimate is outside the tolerance around what the robot uses; also
-/// where there is none to compare.
+/// True if a part of the last estimate is outside the tolerance around the values in use, or there
+/// is no estimate.
 fn is_beyond(view: &RobotView, ledger: &RobotLedger, tolerance: &Tolerance) -> bool {
     view.estimate.is_none() || any_part(view, ledger, tolerance, |_| true)
 }
 
-/// Whether a value that is known is outside the tolerance around what the robot uses.
+/// True if a known value is outside the tolerance around the values in use.
 fn is_off(view: &RobotView, ledger: &RobotLedger, tolerance: &Tolerance) -> bool {
     any_part(view, ledger, tolerance, |status| {
         status == ParameterStatus::Converged
     })
 }
 
-/// Whether one of the four values that `counts` by its status is outside the tolerance around what
-/// the robot uses.
+/// True if one of the four values that `counts` by its status is outside the tolerance around the
+/// values in use.
 fn any_part(
     view: &RobotView,
     ledger: &RobotLedger,

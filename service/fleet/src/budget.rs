@@ -8,17 +8,17 @@ use fleetcal_model::RobotId;
 
 use fleetcal_domain::limits::{LOSSES_LOGGED_EVERY, LOSSES_LOGGED_MAX};
 
-/// A budget for an hour, full at first, which fills up again evenly.
+/// Hourly budget, full at first, that refills evenly with time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Budget {
     per_hour: f64,
     left: f64,
-    /// When `left` was right, on the running clock.
+    /// Running time at which `left` was computed.
     at: Duration,
 }
 
 impl Budget {
-    /// A full budget of so much for an hour.
+    /// Makes a full budget of `per_hour` units for an hour.
     pub fn per_hour(per_hour: u32) -> Self {
         Self {
             per_hour: f64::from(per_hour),
@@ -27,7 +27,7 @@ impl Budget {
         }
     }
 
-    /// Takes `amount` at `now`, the running clock; `false`, and nothing taken, when less is left.
+    /// Spends `amount` at running time `now`; returns `false` and spends nothing if less is left.
     pub fn take(&mut self, now: Duration, amount: u32) -> bool {
         let passed_h = now.saturating_sub(self.at).as_secs_f64() / 3_600.0;
         self.left = passed_h
@@ -43,20 +43,20 @@ impl Budget {
     }
 }
 
-/// When losses are logged: of each robot and kind one a minute, and of all robots together
-/// [`LOSSES_LOGGED_MAX`] a minute. All are counted elsewhere.
+/// Rate limit of logged losses: one a minute for each robot and kind, and at most
+/// [`LOSSES_LOGGED_MAX`] a minute for all robots together. All losses are counted elsewhere.
 #[derive(Debug, Default)]
 pub struct LossLog {
-    /// Of each robot and kind: when one was logged last, and how many came since.
+    /// For each robot and kind: time of the last logged loss, and number of losses since.
     of_robots: BTreeMap<(Option<RobotId>, &'static str), (Duration, u64)>,
-    /// When this minute began, and what was logged in it.
+    /// Start of the current minute, and number of losses logged in it.
     minute: (Duration, usize),
 }
 
 impl LossLog {
-    /// Takes a loss at `now`, the running clock. `Some` when it is to be logged, with how many of
-    /// the same came before it that were not. Robots that nobody has registered are `None`, so that
-    /// there are never more entries than robots times kinds.
+    /// Counts a loss at running time `now`. Returns `Some` if it is to be logged, with the number
+    /// of unlogged losses of the same kind before it. Unregistered robots share the key `None`, so
+    /// that there are at most robots × kinds entries.
     pub fn take(
         &mut self,
         robot: Option<&RobotId>,

@@ -12,7 +12,7 @@ use fleetcal_proto::event::RobotEvent;
 use crate::live::LiveUpdate;
 use crate::registry::Fleet;
 
-/// One robot's budgets of an hour.
+/// Hourly history budgets of one robot.
 #[derive(Debug)]
 pub struct HistoryBudgets {
     notes: Budget,
@@ -31,7 +31,8 @@ impl Default for HistoryBudgets {
 }
 
 impl HistoryBudgets {
-    /// Takes a note of the robot's; `false`, and counted, when the hour's are used up.
+    /// Spends the budget for a note of the robot; returns `false`, and counts the note, if the
+    /// budget of the hour is used up.
     pub fn take_note(&mut self, fleet: &Fleet, note: &RobotEvent) -> bool {
         let now = fleet.clock.elapsed();
         let bytes = u32::try_from(note.note.len()).unwrap_or(u32::MAX);
@@ -43,8 +44,8 @@ impl HistoryBudgets {
         fits
     }
 
-    /// Puts an event of the estimator into the robot's history, as far as the hour's go; listeners
-    /// hear it anyway.
+    /// Records an event of the estimator in the robot's history while the hourly budget lasts;
+    /// listeners receive it in any case.
     pub fn record(&mut self, fleet: &Fleet, robot: &RobotId, event: HistoryEvent) {
         if self.events.take(fleet.clock.elapsed(), 1) {
             fleet.record(robot, event);

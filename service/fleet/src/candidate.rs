@@ -6,7 +6,7 @@ use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
 use serde::{Deserialize, Serialize};
 
-/// The candidate for a proposal: since when the estimate has stood still.
+/// Candidate for a proposal, with the time since which the estimate has been stable.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Candidate {
     since: Option<(RobotTime, CalibrationValues)>,
@@ -14,8 +14,8 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// Takes the latest estimate; whether it has stayed within half of what is proposed for long
-    /// enough.
+    /// Follows the latest estimate; returns whether it has stayed within half of the proposal's
+    /// threshold for long enough.
     pub fn observe(&mut self, estimate: Option<&EstimateDocument>, policy: &Policy) -> bool {
         let known = estimate.and_then(|one| Some((one.stamp_ns, values_and_sigmas(one)?.0)));
         let Some((stamp_ns, values)) = known else {
@@ -31,7 +31,7 @@ impl Candidate {
         self.stable
     }
 
-    /// Whether there is an estimate that has not stood still for long enough yet.
+    /// True if there is an estimate that has not been stable for long enough yet.
     pub const fn is_pending(&self) -> bool {
         self.since.is_some() && !self.stable
     }

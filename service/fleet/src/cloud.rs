@@ -6,28 +6,28 @@ use fleetcal_estimator::{RobotTime, Scan};
 use fleetcal_proto::ros::{CloudRefused, Column, PointCloud2, PointDatatype};
 use thiserror::Error;
 
-/// Names that drivers give to a point's time.
+/// Field names that drivers use for a point's time.
 const TIME_FIELDS: [&str; 5] = ["t", "time", "timestamp", "time_stamp", "offset_time"];
 /// Times above this are seconds since 1970, s.
 const SINCE_1970_S: f64 = 1e8;
 /// Times above this are nanoseconds since 1970, ns.
 const SINCE_1970_NS: f64 = 1e17;
 
-/// Why a cloud was refused.
+/// Reason for which a cloud was refused.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum CloudUnusable {
-    /// It contradicts itself, or lacks a coordinate.
+    /// The cloud contradicts itself or lacks a coordinate.
     #[error(transparent)]
     Layout(#[from] CloudRefused),
-    /// No scan can be made of it.
+    /// The cloud cannot be made into a scan.
     #[error(transparent)]
     Field(#[from] FieldRefused),
 }
 
-/// The planar scan of a cloud.
+/// Makes the planar scan of a cloud.
 ///
 /// # Errors
-/// Names the field that contradicts the others, is missing, or holds what cannot be.
+/// Names the field that contradicts the others, is missing, or holds an impossible value.
 pub fn scan(message: &PointCloud2, band: &PlanarBand) -> Result<Scan, CloudUnusable> {
     message.check_layout()?;
     let position = [
@@ -51,8 +51,8 @@ pub fn scan(message: &PointCloud2, band: &PlanarBand) -> Result<Scan, CloudUnusa
     Ok(band.scan(&cloud)?)
 }
 
-/// A point's time: whole numbers are nanoseconds after the cloud's stamp, others seconds; both may
-/// also count from 1970.
+/// Reads a point's time, in seconds after the cloud's stamp: integers are nanoseconds, other
+/// numbers seconds; both may also count from 1970.
 fn seconds_after(stamp: RobotTime, column: Column, point: &[u8]) -> f64 {
     let time = column.read(point);
     if time > SINCE_1970_NS {
@@ -83,7 +83,8 @@ mod tests {
         nanosec: 250_000_000,
     };
 
-    /// A ring of 360 points at 4 m and another half a metre above it at 5 m, with times.
+    /// Makes a cloud with times: a ring of 360 points at 4 m, and another half a metre higher at 5
+    /// m.
     fn cloud(time_name: &str, time_type: PointDatatype, time: impl Fn(f64) -> f64) -> PointCloud2 {
         let mut data = Vec::new();
         for (z, range) in [(0.0_f32, 4.0_f64), (0.6, 5.0)] {

@@ -3,16 +3,16 @@
 use fleetcal_estimator::RobotTime;
 use fleetcal_model::Stream;
 
-/// A stream is judged over so many messages.
+/// Messages after which a stream is judged.
 const JUDGED_MESSAGES: u32 = 40;
 
-/// One stream's messages since it was judged last.
+/// Messages of one stream since its last judgement.
 #[derive(Debug, Clone, Copy, Default)]
 struct Latest {
-    /// Stamp and content of the last one.
+    /// Stamp and content of the last message.
     last: Option<(RobotTime, u64)>,
     messages: u32,
-    /// Those that have the stamp of the one before, and say something else.
+    /// Messages with the stamp of their predecessor and other content.
     with_same_stamp: u32,
     is_coarse: bool,
 }
@@ -30,14 +30,15 @@ impl Latest {
     }
 }
 
-/// Finds streams of which most messages have the stamp of the one before.
+/// Detector of streams in which most messages repeat the stamp of their predecessor.
 #[derive(Debug, Default)]
 pub struct StampWatch {
     streams: [Latest; Stream::COUNT],
 }
 
 impl StampWatch {
-    /// Takes a message by its stamp and a hash of what it says. Of notes several may have one stamp.
+    /// Counts a message, given its stamp and a hash of its content. Events are left out: several
+    /// notes may have one stamp.
     pub fn take(&mut self, stream: Stream, stamp: RobotTime, content: u64) {
         if stream != Stream::Event
             && let Some(latest) = self.streams.get_mut(stream.index())
@@ -60,7 +61,7 @@ impl StampWatch {
 mod tests {
     use super::*;
 
-    /// The streams that are named after 200 messages with these stamps, ms.
+    /// Returns the coarse streams after 200 messages with these stamps, ms.
     fn coarse(stamp_ms: impl Fn(i64) -> i64, copies: u64) -> Vec<Stream> {
         let mut watch = StampWatch::default();
         for number in 0..200 {

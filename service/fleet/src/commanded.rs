@@ -6,53 +6,54 @@
 
 use fleetcal_estimator::DriveSample;
 
-/// Slower than this nothing is learnt, m/s.
+/// Speed below which angles are ignored, m/s.
 const SPEED_MIN_MPS: f64 = 0.1;
-/// Samples that are judged together.
+/// Samples in one judged block.
 const BLOCK_SAMPLES: usize = 1_000;
-/// Fewest different angles in a row of a block that says anything.
+/// Fewest different consecutive angles of a block that can be judged.
 const DIFFERENT_MIN: usize = 200;
-/// Blocks in a row that have to agree: half a minute of driving at 100 Hz.
+/// Consecutive blocks that have to agree: half a minute of driving at 100 Hz.
 const BLOCKS_MIN: u32 = 3;
-/// Median fourth difference below which there is no noise, rad: σ of 0.0002 degrees.
+/// Median fourth difference below which the angles are free of noise, rad: σ of 0.0002 degrees.
 const FOURTH_DIFFERENCE_MAX_RAD: f64 = 2e-5;
 /// Smallest step of an encoder, rad.
 const STEP_MIN_RAD: f64 = 2e-6;
-/// How near to whole steps an encoder's changes are, in steps, and what share of them.
+/// Distance from whole steps that an encoder's changes may have, in steps, and the share of changes
+/// that keep it.
 const STEP_TOLERANCE: f64 = 0.05;
 const STEPS_SHARE_MIN: f64 = 0.95;
-/// A lag significantly above this says that the angle was measured and smoothed, s.
+/// Lag above which an angle counts as measured and smoothed, if significantly exceeded, s.
 const LAG_MIN_S: f64 = 0.02;
 
-/// How a block of angles looks.
+/// Character of a block of angles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Character {
-    /// With noise or an encoder's steps.
+    /// The angles have noise or an encoder's steps.
     Measured,
-    /// Smooth to the last digit.
+    /// The angles are smooth to the last digit.
     Smooth,
-    /// It changes too little to tell.
+    /// The angles change too little to judge.
     Unknown,
 }
 
-/// Watches a robot's steering angles.
+/// Classifier of a robot's steering angles: measured or commanded.
 #[derive(Debug, Default)]
 pub struct SteeringWatch {
-    /// Different angles of the block, in their order.
+    /// Different angles of the block, in order of arrival.
     angles: Vec<f64>,
     samples: usize,
-    /// Smooth blocks in a row.
+    /// Consecutive smooth blocks.
     smooth: u32,
 }
 
 impl SteeringWatch {
-    /// Takes a drive sample.
+    /// Adds a drive sample.
     pub fn take(&mut self, sample: &DriveSample) {
         self.take_angle(sample.steering_rad(), sample.speed_mps());
     }
 
-    /// Takes an angle as it was sent, and how fast the robot drives. One that was interpolated says
-    /// nothing about its source.
+    /// Adds an angle as it was sent, with the robot's speed. Interpolated angles must not be added:
+    /// they do not show their source.
     pub fn take_angle(&mut self, angle: f64, speed_mps: f64) {
         if speed_mps.abs() < SPEED_MIN_MPS {
             return;
@@ -75,8 +76,8 @@ impl SteeringWatch {
         self.angles.clear();
     }
 
-    /// Whether the angles look commanded. `time_offset` is how much later a motion shows in them
-    /// than in the LiDAR, and its sigma, s, where that is known.
+    /// True if the angles look commanded. `time_offset` is the delay of a motion in the angles
+    /// against the LiDAR, and its sigma, s, where it is known.
     pub fn looks_commanded(&self, time_offset: Option<(f64, f64)>) -> bool {
         let lags = time_offset.is_some_and(|(late_s, sigma_s)| late_s - 2.0 * sigma_s > LAG_MIN_S);
         self.smooth >= BLOCKS_MIN && !lags
@@ -109,7 +110,7 @@ fn character(angles: &[f64]) -> Character {
     }
 }
 
-/// Whether all changes are whole multiples of one step, as those of an encoder are.
+/// True if all changes are whole multiples of one step, as those of an encoder are.
 fn has_steps(angles: &[f64]) -> bool {
     let changes = || {
         let pairs = angles.windows(2);
@@ -136,7 +137,8 @@ mod tests {
 
     use super::*;
 
-    /// Steering of 60 s at 100 Hz through `sensor`, which gets the time and the true angle.
+    /// Samples steering for 60 s at 100 Hz through `sensor`, which receives the time and the true
+    /// angle.
     fn watched(mut sensor: impl FnMut(f64, f64) -> f64) -> SteeringWatch {
         let mut watch = SteeringWatch::default();
         for number in 0..6_000_i64 {
@@ -150,7 +152,7 @@ mod tests {
         watch
     }
 
-    /// Numbers between -1 and 1 that look random.
+    /// Returns pseudorandom numbers between -1 and 1.
     fn noise(time_s: f64) -> f64 {
         ((time_s * 12_345.678).sin() * 43_758.545).fract()
     }

@@ -10,14 +10,14 @@ use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::event::CrossTrackError;
 use fleetcal_proto::ros::{Float64, RosMessage};
 
-/// Errors beyond this are no path following, m.
+/// Largest error that counts as path following, m.
 const ERROR_MAX_M: f64 = 100.0;
 
-/// Values that a robot compensates with.
+/// Values that a robot compensates with, and the start of their use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UsedValues {
-    /// Since when, ns since 1970 by the clock of the robot's agent, which need not be the one that
-    /// stamps its messages.
+    /// Start of their use, ns since 1970 by the clock of the robot's agent, which may differ from
+    /// the one that stamps its messages.
     pub since: RobotTime,
     /// Generation of their document; 0 for its factory calibration.
     pub generation: Generation,
@@ -25,9 +25,9 @@ pub struct UsedValues {
     pub values: CalibrationValues,
 }
 
-/// Errors this far apart make a bend, ns: a second, less what clocks jitter.
+/// Least interval between errors that make a bend, ns: a second, less the jitter of clocks.
 const APART_NS: i64 = 900_000_000;
-/// And at most this far.
+/// Largest interval between errors that make a bend, ns.
 const APART_MAX_NS: i64 = 2_500_000_000;
 
 /// The latest errors, about a second apart.
@@ -39,17 +39,17 @@ struct Recent {
     before_m: Option<f64>,
 }
 
-/// The histograms of one robot, by generation; 0 is what it drove with before any was applied.
+/// Histograms of one robot by generation; 0 covers its driving before any calibration was applied.
 #[derive(Debug, Clone, Default)]
 pub struct CrossTracks {
     by_generation: BTreeMap<Generation, CrossTrack>,
     recent: Option<Recent>,
-    /// Generations that have changed since they were last taken for the store.
+    /// Generations that have changed since they were last collected for the store.
     unsaved: BTreeSet<Generation>,
 }
 
 impl CrossTracks {
-    /// Those that were stored.
+    /// Restores stored histograms.
     pub fn of(stored: BTreeMap<Generation, CrossTrack>) -> Self {
         Self {
             by_generation: stored,
@@ -58,7 +58,7 @@ impl CrossTracks {
         }
     }
 
-    /// Takes an error at `at_ns` of a robot that used `generation` then.
+    /// Adds an error at `at_ns` of a robot that used `generation` then.
     pub fn add(&mut self, generation: Generation, at_ns: i64, error_m: f64) {
         let bend = self.bend(generation, at_ns, error_m);
         let errors = self.by_generation.entry(generation).or_default();
@@ -82,7 +82,7 @@ impl CrossTracks {
         }
     }
 
-    /// The three errors that this one makes a bend with.
+    /// Returns the three errors of the bend that this error completes.
     fn bend(&mut self, generation: Generation, at_ns: i64, error_m: f64) -> Option<[f64; 3]> {
         let recent = self.recent.filter(|recent| {
             let after_ns = at_ns.saturating_sub(recent.at_ns);
@@ -101,12 +101,12 @@ impl CrossTracks {
         Some([recent.before_m?, recent.error_m, error_m])
     }
 
-    /// All of them.
+    /// All histograms by generation.
     pub fn all(&self) -> &BTreeMap<Generation, CrossTrack> {
         &self.by_generation
     }
 
-    /// Those that have changed since this was last asked.
+    /// Returns the histograms that have changed since the last call.
     pub fn take_unsaved(&mut self) -> Vec<(Generation, CrossTrack)> {
         let unsaved = std::mem::take(&mut self.unsaved).into_iter();
         unsaved
@@ -115,10 +115,10 @@ impl CrossTracks {
     }
 }
 
-/// Reads a robot's message: its own stamp, where it has one, and the error in metres.
+/// Reads a robot's message: its own stamp, if any, and the error in metres.
 ///
 /// # Errors
-/// Says what is wrong with it.
+/// A sentence that names the invalid field.
 pub fn read(encoding: Encoding, payload: &[u8]) -> Result<(Option<RobotTime>, f64), String> {
     let (stamp_ns, error_m) = match encoding {
         Encoding::Json => {

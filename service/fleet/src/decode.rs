@@ -20,18 +20,19 @@ use thiserror::Error;
 
 use crate::cloud::{self, CloudUnusable};
 
-/// Shortest quaternion that still says which way it turns.
+/// Shortest quaternion that still defines an orientation.
 const QUATERNION_LENGTH_MIN: f64 = 1e-3;
 
-/// Why a message was refused: its stream, the field, the value and what is accepted.
+/// Reason for which a message was refused: its stream, the field, the value and the accepted
+/// values.
 #[derive(Debug, Error)]
 pub enum MessageRefused {
-    /// It is no message of this kind at all.
+    /// The payload is not a message of this kind.
     #[error("{stream}: {source}", stream = stream.name())]
     Payload {
-        /// Where it came.
+        /// Stream of the message.
         stream: Stream,
-        /// What is wrong.
+        /// Fault of the payload.
         source: DecodeError,
     },
     /// The scan contradicts itself.
@@ -40,15 +41,15 @@ pub enum MessageRefused {
     /// The cloud contradicts itself, or no scan can be made of it.
     #[error("scan: {0}")]
     Cloud(#[from] CloudUnusable),
-    /// A field holds what cannot be.
+    /// A field holds an impossible value.
     #[error("{stream}: {source}", stream = stream.name())]
     Field {
-        /// Where it came.
+        /// Stream of the message.
         stream: Stream,
-        /// What is wrong.
+        /// Fault of the field.
         source: FieldRefused,
     },
-    /// The orientation says nothing.
+    /// The quaternion is too short to define an orientation.
     #[error(
         "lidar_odometry: pose.pose.orientation: got of length {length}, expected a quaternion of \
          length 1"
@@ -57,51 +58,51 @@ pub enum MessageRefused {
         /// Length of the quaternion.
         length: f64,
     },
-    /// It is of a type that is not taken there.
+    /// The message has a type that the stream does not accept.
     #[error("{stream}: type: got {found}, expected {accepted}", stream = stream.name())]
     Type {
-        /// Where it came.
+        /// Stream of the message.
         stream: Stream,
-        /// What it is.
+        /// Type of the message.
         found: &'static str,
-        /// What it may be.
+        /// Accepted types.
         accepted: String,
     },
-    /// It is half of a drive sample.
+    /// The message is half of a drive sample.
     #[error("{stream}: comes alone, expected steering and speed of a robot", stream = stream.name())]
     Alone {
-        /// Where it came.
+        /// Stream of the message.
         stream: Stream,
     },
-    /// It lacks a joint that the robot's configuration names.
+    /// A joint that the robot's configuration names is missing.
     #[error("{stream}: name lacks the joint {joint:?} or its {what}, expected the joints of streams.joints", stream = stream.name())]
     Joint {
-        /// Where it came.
+        /// Stream of the message.
         stream: Stream,
-        /// The joint.
+        /// Name of the joint.
         joint: String,
         /// `position` or `velocity`.
         what: &'static str,
     },
-    /// It holds joints, and the configuration does not say which steer and drive.
+    /// The message holds joints, and the configuration does not name those that steer and drive.
     #[error("{stream}: is a JointState, accepted where streams.joints says which joints steer and drive", stream = stream.name())]
     NoJoints {
-        /// Where it came.
+        /// Stream of the message.
         stream: Stream,
     },
-    /// An event that cannot be read.
+    /// The event cannot be read.
     #[error("event: {0}, expected {{\"kind\", \"stamp_ns\", \"note\"}}")]
     Event(#[source] serde_json::Error),
-    /// An event's note is too long.
+    /// The event's note is too long.
     #[error("event: note: got {0} characters, expected {NOTE_CHARS_MAX} at most")]
     NoteTooLong(usize),
-    /// An event without a time.
+    /// The event lacks a time.
     #[error("event: stamp_ns: got {0}, expected a time after 1970")]
     NoteStamp(i64),
 }
 
 impl MessageRefused {
-    /// A refusal of a type that is not taken on a stream.
+    /// Makes the refusal of a type that the stream does not accept.
     pub(super) fn of_type(stream: Stream, found: MessageType) -> Self {
         let accepted = message_types(stream).iter().map(|of| of.ros_type());
         Self::Type {
@@ -112,21 +113,22 @@ impl MessageRefused {
     }
 }
 
-/// A message that was accepted.
+/// Accepted message.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decoded {
     /// Its header stamp.
     pub stamp: RobotTime,
-    /// What the estimator takes.
+    /// Event for the estimator.
     pub event: Event,
-    /// The note that goes into the robot's history, when it is one.
+    /// Note for the robot's history, if the message is one.
     pub note: Option<RobotEvent>,
 }
 
-/// Decodes and checks one payload. What a scan is, it says itself, or `scans` does.
+/// Decodes and checks one payload. The type of a scan comes from the message itself, else from
+/// `scans`.
 ///
 /// # Errors
-/// One sentence: the stream, the field, its value and what is accepted.
+/// One sentence: the stream, the field, its value and the accepted values.
 pub fn decode(
     stream: Stream,
     form: Form,
@@ -176,10 +178,10 @@ pub fn decode(
     })
 }
 
-/// A drive sample out of its message.
+/// Extracts a drive sample from its message.
 ///
 /// # Errors
-/// Names the field that holds what cannot be.
+/// Names the field that holds an impossible value.
 pub fn drive_sample(message: &AckermannDriveStamped) -> Result<DriveSample, MessageRefused> {
     let stamp = RobotTime(message.header.stamp.as_ns());
     let speed_mps = f64::from(message.drive.speed);
@@ -190,12 +192,12 @@ pub fn drive_sample(message: &AckermannDriveStamped) -> Result<DriveSample, Mess
     })
 }
 
-/// A drive sample as the sensors measured it, of a robot that takes off `values` before it sends:
-/// `steering_sent = steering_gain (steering_measured - steering_offset)` and
-/// `speed_sent = speed_scale speed_measured`.
+/// Restores the drive sample that the sensors measured, for a robot that applies `values` before it
+/// sends: `steering_sent = steering_gain (steering_measured - steering_offset)` and `speed_sent =
+/// speed_scale speed_measured`.
 ///
 /// # Errors
-/// Names the field that is no physical value then.
+/// Names the field that becomes an impossible value.
 pub fn added_back(
     sample: &DriveSample,
     values: &CalibrationValues,
@@ -212,10 +214,11 @@ pub fn added_back(
     })
 }
 
-/// A scan out of its message.
+/// Extracts a scan from its message.
 ///
 /// # Errors
-/// Names the field that holds what cannot be, or the number of beams that contradicts the angles.
+/// Names the field that holds an impossible value, or the number of beams that contradicts the
+/// angles.
 pub fn scan(message: LaserScan) -> Result<Scan, MessageRefused> {
     message.check_beams()?;
     let shape = ScanShape {
@@ -236,19 +239,19 @@ pub fn scan(message: LaserScan) -> Result<Scan, MessageRefused> {
     })
 }
 
-/// A LiDAR pose out of its message. A covariance of zeros is none.
+/// Extracts a LiDAR pose from its message. A covariance of zeros counts as absent.
 ///
 /// # Errors
-/// Names the field that holds what cannot be.
+/// Names the field that holds an impossible value.
 pub fn lidar_pose(message: &Odometry) -> Result<LidarPose, MessageRefused> {
     let covariance = planar_covariance(&message.pose.covariance);
     pose_in_odom(&message.header, &message.pose.pose, covariance)
 }
 
-/// A LiDAR pose out of the pose of a message, in whatever frame that moves not.
+/// Extracts a LiDAR pose from the pose of a message, in any fixed frame.
 ///
 /// # Errors
-/// Names the field that holds what cannot be.
+/// Names the field that holds an impossible value.
 pub fn pose_in_odom(
     header: &Header,
     pose: &Pose,
@@ -268,7 +271,7 @@ pub fn pose_in_odom(
     })
 }
 
-/// The covariance of (x, y, yaw) out of that of (x, y, z, roll, pitch, yaw).
+/// Reduces the covariance of (x, y, z, roll, pitch, yaw) to that of (x, y, yaw).
 fn planar_covariance(spatial: &[f64; 36]) -> Option<Matrix3<f64>> {
     let [
         xx,
@@ -311,7 +314,7 @@ fn noted(message: RobotEvent) -> Result<Decoded, MessageRefused> {
     })
 }
 
-/// What the estimator takes of a note.
+/// Converts a robot's event to the estimator's note.
 pub fn note(message: &RobotEvent) -> Note {
     Note {
         stamp: message.stamp_ns,

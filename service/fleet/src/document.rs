@@ -10,7 +10,7 @@ use fleetcal_proto::estimate::{
     Parameters, Timing, VehicleDocument,
 };
 
-/// The document of an estimate.
+/// Makes the document of an estimate.
 pub fn estimate_document(robot: &RobotId, estimate: &Estimate) -> EstimateDocument {
     EstimateDocument {
         robot: robot.clone(),
@@ -28,7 +28,7 @@ pub fn estimate_document(robot: &RobotId, estimate: &Estimate) -> EstimateDocume
     }
 }
 
-/// The LiDAR's pose in `base_link`, in which the rear axle is where it is configured.
+/// Returns the LiDAR's pose in `base_link`, given the configured pose of the rear axle in it.
 pub fn lidar_in_base_link(rear_axle_in_base_link: &Mount, of: &Parameters) -> Pose2 {
     let value = |name| of.get(name).value;
     let lidar_in_rear_axle = Pose2::new(
@@ -39,7 +39,7 @@ pub fn lidar_in_base_link(rear_axle_in_base_link: &Mount, of: &Parameters) -> Po
     rear_axle_in_base_link.pose().compose(&lidar_in_rear_axle)
 }
 
-/// The document of a change or fault.
+/// Makes the document of a change or fault.
 pub fn change_document(change: &Change) -> ChangeDocument {
     ChangeDocument {
         kind: change.kind,
@@ -51,7 +51,8 @@ pub fn change_document(change: &Change) -> ChangeDocument {
     }
 }
 
-/// What `fleetcal calibrate` prints of a calibrator that has seen the whole recording.
+/// Makes the report that `fleetcal calibrate` prints of a calibrator that has processed the whole
+/// recording.
 pub fn report(robot: &RobotId, calibrator: &Calibrator, timing: Timing) -> CalibrationReport {
     let estimate = calibrator.estimate();
     let segments = calibrator.segments();
@@ -66,6 +67,7 @@ pub fn report(robot: &RobotId, calibrator: &Calibrator, timing: Timing) -> Calib
         scans_rejected: estimate.counts.scans_rejected,
         parameters: parameters(&estimate.parameters),
         covariance: estimate.covariance,
+        sigma_terms: calibrator.sigma_terms(),
         detection: estimate.detection,
         consistency: estimate.consistency,
         events: calibrator.changes().iter().map(change_document).collect(),
@@ -74,7 +76,7 @@ pub fn report(robot: &RobotId, calibrator: &Calibrator, timing: Timing) -> Calib
     }
 }
 
-/// The document of a vehicle.
+/// Makes the document of a vehicle.
 pub fn vehicle_document(vehicle: &Vehicle) -> VehicleDocument {
     VehicleDocument {
         model: vehicle.model,
@@ -82,8 +84,8 @@ pub fn vehicle_document(vehicle: &Vehicle) -> VehicleDocument {
     }
 }
 
-/// Whether every number of a document is finite. JSON has no other, and a filter that says another
-/// has failed.
+/// True if every number of a document is finite. JSON has only finite numbers, and a filter with
+/// any other has failed.
 pub fn is_finite(document: &EstimateDocument) -> bool {
     let mut parameters = document.parameters.iter();
     parameters.all(|(_, parameter)| parameter.value.is_finite() && parameter.sigma.is_finite())

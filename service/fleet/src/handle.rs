@@ -39,10 +39,10 @@ use crate::senders::Origin;
 use crate::tap::TapReader;
 use crate::watch;
 
-/// How a message came.
+/// Form and origin of a message on arrival.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Arrived {
-    /// How it is written.
+    /// Encoding and type of the message.
     pub form: Form,
     /// Origin, where that is known.
     pub origin: Option<Origin>,
@@ -57,53 +57,54 @@ impl<F: Into<Form>> From<F> for Arrived {
     }
 }
 
-/// Why the fleet refused a request.
+/// Reason for which the fleet refused a request.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum FleetRefused {
-    /// No robot of this id has been configured or has sent anything.
+    /// The robot is unknown: it is unconfigured and has sent nothing.
     #[error("no robot {0} is known")]
     UnknownRobot(RobotId),
-    /// Nobody has registered it.
+    /// The robot is unregistered.
     #[error("robot {0} is not registered, expected a robot with a vehicle")]
     Unregistered(RobotId),
-    /// Another instance estimates it, or none does at this moment.
+    /// Another instance estimates the robot, or none does at this moment.
     #[error("robot {0} is not estimated by this instance")]
     Elsewhere(RobotId),
     /// The fleet is full.
     #[error("{} robots are configured, which is the limit", limits::ROBOTS_MAX)]
     RobotsMax,
-    /// The robot has too many notes that wait.
+    /// Too many notes wait for the robot.
     #[error("robot {0} has {max} notes that wait", max = limits::MAILBOX_NOTES_MAX)]
     NotesMax(RobotId),
-    /// Too many want to see the robot's top view at once.
+    /// Too many requests for the robot's top view wait.
     #[error("{max} others wait for the top view of robot {0}", max = limits::TOP_VIEW_ASKERS_MAX)]
     TopViewAskersMax(RobotId),
 }
 
-/// What a fleet begins with.
+/// Parts and stored state that a fleet starts with.
 #[derive(Debug)]
 pub struct FleetSetup {
-    /// Where time comes from.
+    /// Source of time.
     pub clock: SharedClock,
-    /// Where history goes.
+    /// Sink of the history.
     pub journal: Arc<dyn Journal>,
-    /// Settings of estimators whose robots have none of their own.
+    /// Estimator settings of robots that have none of their own.
     pub estimator: EstimatorSettings,
-    /// The robots that are configured.
+    /// Configured robots.
     pub robots: BTreeMap<RobotId, RobotConfig>,
-    /// How well robots followed their paths, by generation.
+    /// Cross-track errors of the robots, by generation.
     pub cross_tracks: BTreeMap<RobotId, BTreeMap<Generation, CrossTrack>>,
-    /// What robots' tasks stored before the service stopped, as [`Journal::save_checkpoint`] had it.
+    /// Checkpoints of the robots' tasks from before the service stopped, as
+    /// [`Journal::save_checkpoint`] stored them.
     pub checkpoints: BTreeMap<RobotId, Vec<u8>>,
-    /// When robots were last heard before this start, wall time, ns.
+    /// Time of each robot's last message before this start, wall time, ns.
     pub last_heard: BTreeMap<RobotId, WallTime>,
-    /// Whether this process has all robots, or those that it adopts.
+    /// Membership: this process estimates all robots, or those that it adopts.
     pub membership: Membership,
-    /// The newest row of the audit before anything of this was read.
+    /// Newest row of the audit before any of the stored state was read.
     pub audited: AuditId,
 }
 
-/// The fleet, cheap to clone.
+/// Handle of the fleet, cheap to clone.
 #[derive(Debug, Clone)]
 pub struct FleetHandle {
     pub(crate) fleet: Arc<Fleet>,
@@ -115,7 +116,7 @@ impl FleetHandle {
         Self::start_with(setup, Calibrator::step)
     }
 
-    /// Starts the fleet with estimators that take events by `step`.
+    /// Starts the fleet with estimators that process events by `step`.
     pub(crate) fn start_with(setup: FleetSetup, step: Step) -> Self {
         let mut checkpoints = setup.checkpoints;
         let mut cross_tracks = setup.cross_tracks;
@@ -166,15 +167,15 @@ impl FleetHandle {
         handle
     }
 
-    /// Works through what waits, stores the estimators' states, and ends every task. The link has
-    /// to be closed before.
+    /// Processes the waiting messages, stores the estimators' states, and ends every task. The link
+    /// has to be closed before.
     pub async fn stop(&self) {
         self.fleet.stop.cancel();
         self.fleet.tasks.close();
         self.fleet.tasks.wait().await;
     }
 
-    /// Every robot, by id.
+    /// Returns every robot, by id.
     pub fn robots(&self) -> Vec<RobotView> {
         self.fleet
             .all()
@@ -183,22 +184,23 @@ impl FleetHandle {
             .collect()
     }
 
-    /// One robot.
+    /// Returns one robot.
     pub fn robot(&self, id: &RobotId) -> Option<RobotView> {
         Some(self.fleet.find(id.as_str())?.view(&*self.fleet.clock))
     }
 
-    /// The settings of `[estimator]`.
+    /// Returns the settings of `[estimator]`.
     pub fn estimator(&self) -> &EstimatorSettings {
         &self.fleet.estimator
     }
 
-    /// Gives a robot its vehicle; it may be unknown, unregistered or configured already. Its estimate
-    /// begins from nothing where it rests on something else by the new configuration. To store the
-    /// configuration is the caller's part. Of a robot that another instance has it is taken note of.
+    /// Configures a robot with its vehicle; it may be unknown, unregistered or configured already.
+    /// Its estimate begins from nothing if the new configuration changes its basis. Storing the
+    /// configuration is the caller's part. For a robot of another instance, the configuration is
+    /// only remembered.
     ///
     /// # Errors
-    /// When [`limits::ROBOTS_MAX`] others are configured.
+    /// [`limits::ROBOTS_MAX`] others are configured.
     pub fn configure(&self, id: &RobotId, config: RobotConfig) -> Result<Configured, FleetRefused> {
         let robot = {
             let mut robots = self
@@ -227,11 +229,12 @@ impl FleetHandle {
         Ok(configured)
     }
 
-    /// Whether a note about a robot finds its estimator; to be asked before it is stored. One whose
-    /// estimator another instance has, or none at this moment, is brought it later.
+    /// Checks that a note about a robot can reach its estimator; to be called before the note is
+    /// stored. If another instance estimates the robot, or none at this moment, the note reaches
+    /// its estimator later.
     ///
     /// # Errors
-    /// When the robot is unknown or has no estimator since nobody has registered it, or too many notes wait.
+    /// The robot is unknown or unregistered, so that it has no estimator, or too many notes wait.
     pub fn takes_notes(&self, id: &RobotId) -> Result<(), FleetRefused> {
         let unknown = || FleetRefused::UnknownRobot(id.clone());
         let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
@@ -244,11 +247,12 @@ impl FleetHandle {
         Ok(())
     }
 
-    /// Brings a robot's estimator a note that is stored. One that it has taken already is left out.
+    /// Passes a stored note to a robot's estimator, which ignores a note that it has processed
+    /// already.
     ///
     /// # Errors
-    /// When the robot is unknown, another instance has it, or too many notes wait: then it is to be brought
-    /// again.
+    /// The robot is unknown, another instance estimates it, or too many notes wait: the note has to
+    /// be passed again.
     pub fn note(&self, id: &RobotId, noted: Noted) -> Result<(), FleetRefused> {
         let unknown = || FleetRefused::UnknownRobot(id.clone());
         let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
@@ -262,28 +266,29 @@ impl FleetHandle {
         Ok(())
     }
 
-    /// Up to which note the estimator of a robot that is estimated here has taken them.
+    /// Returns the number of the last note that the estimator of a robot estimated here has
+    /// processed.
     pub fn notes_taken(&self, id: &RobotId) -> Option<AuditId> {
         let robot = self.fleet.find(id.as_str())?;
         robot.notes_taken().filter(|_| robot.is_here())
     }
 
-    /// Asks once more for the notes that a robot's estimator was not brought.
+    /// Requests again the notes that a robot's estimator has not received.
     pub fn want_notes(&self, id: &RobotId) {
         if let Some(robot) = self.fleet.find(id.as_str()) {
             robot.want_notes();
         }
     }
 
-    /// True if notes may be stored that a robot's estimator was not brought. Says so once.
+    /// True, once, if stored notes may be missing from a robot's estimator.
     pub fn wants_notes(&self, id: &RobotId) -> bool {
         let robot = self.fleet.find(id.as_str());
         robot.is_some_and(|robot| robot.is_here() && robot.wanted_notes())
     }
 
-    /// Takes what a robot compensates with, oldest first, and the generation that a verification estimate
-    /// has to verify, with since when it is in use by its agent's clock. What waits in the robot's
-    /// mailbox came before that.
+    /// Sets the values that a robot compensates with, oldest first, and the generation in
+    /// verification with the start of its use by the agent's clock. Messages that wait in the
+    /// robot's mailbox precede the change.
     pub fn use_values(
         &self,
         id: &RobotId,
@@ -295,20 +300,21 @@ impl FleetHandle {
         }
     }
 
-    /// Whether the estimate of a calibrated robot has stood still for so long that it may be proposed.
-    /// How long it has is stored with the robot's estimator. To be asked each second.
+    /// True if the estimate of a calibrated robot has been stable for long enough to be proposed.
+    /// The time for which it has been is stored with the robot's estimator. To be called each
+    /// second.
     pub fn has_stable_estimate(&self, id: &RobotId, policy: &Policy) -> bool {
         let robot = self.fleet.find(id.as_str());
         robot.is_some_and(|robot| robot.observe_candidate(policy))
     }
 
-    /// Tells every listener; nobody listening is no error.
+    /// Publishes an update to every listener; having none is no error.
     pub fn announce(&self, update: LiveUpdate) {
         self.fleet.announce(update);
     }
 
-    /// Takes how far a robot was off its path. It never blocks: this runs on the link's receiving
-    /// threads. Robots that are not registered are not listened to.
+    /// Receives a robot's cross-track error. It never blocks: this runs on the link's receiving
+    /// threads. Unregistered robots are ignored.
     pub fn take_cross_track_error(&self, id: &RobotId, encoding: Encoding, payload: &[u8]) {
         let robot = self.fleet.find(id.as_str());
         let Some(robot) = robot.filter(|robot| robot.is_configured() && robot.is_here()) else {
@@ -323,24 +329,25 @@ impl FleetHandle {
         }
     }
 
-    /// How well a robot follows its path, by the generation of the calibration it used; 0 is what
-    /// it drove with before any was applied.
+    /// Returns a robot's cross-track errors by the generation of the calibration in use; 0 covers
+    /// its driving before any was applied.
     pub fn cross_tracks(&self, id: &RobotId) -> BTreeMap<Generation, CrossTrack> {
         let robot = self.fleet.find(id.as_str());
         robot.map(|robot| robot.cross_tracks()).unwrap_or_default()
     }
 
-    /// What a robot should drive next, the best first; empty while it has sent nothing.
+    /// Returns the manoeuvres that a robot should drive next, the best first; empty until it has
+    /// sent something.
     pub fn manoeuvres(&self, id: &RobotId) -> Arc<[Ranked]> {
         let robot = self.fleet.find(id.as_str());
         robot.map_or_else(|| Arc::from([]), |robot| robot.manoeuvres())
     }
 
-    /// The robot from above, asked of its task, which draws it up for nobody else; `None` while
+    /// Requests a robot's top view from its task, which draws it on request only; `None` while
     /// nothing is known.
     ///
     /// # Errors
-    /// When the robot is unknown, or too many ask at once.
+    /// The robot is unknown, or too many requests wait.
     pub async fn top_view(&self, id: &RobotId) -> Result<Option<Arc<TopView>>, FleetRefused> {
         let unknown = || FleetRefused::UnknownRobot(id.clone());
         let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
@@ -356,11 +363,11 @@ impl FleetHandle {
         }
     }
 
-    /// Reads along with the robot's session from now on.
+    /// Opens a reader of the robot's session from now on.
     ///
     /// # Errors
-    /// When the robot is unknown, has no estimator since nobody has registered it, or has it in
-    /// another instance.
+    /// The robot is unknown, unregistered and so without an estimator, or estimated by another
+    /// instance.
     pub fn tap(&self, id: &RobotId) -> Result<TapReader, FleetRefused> {
         let unknown = || FleetRefused::UnknownRobot(id.clone());
         let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
@@ -373,39 +380,40 @@ impl FleetHandle {
         Ok(robot.taps.open())
     }
 
-    /// Live updates from now on. A listener that lags more than [`limits::LIVE_UPDATES_MAX`]
-    /// behind is told how many it lost.
+    /// Subscribes to live updates from now on. A listener that lags by more than
+    /// [`limits::LIVE_UPDATES_MAX`] receives the number that it lost.
     pub fn live(&self) -> broadcast::Receiver<LiveUpdate> {
         self.fleet.live.subscribe()
     }
 
-    /// Counters of the whole service.
+    /// Returns the counters of the whole service.
     pub fn counters(&self) -> FleetCounters {
         self.fleet.counters()
     }
 
-    /// The Zenoh sessions, as the link counts them.
+    /// Returns the counters of Zenoh sessions, as the link keeps them.
     pub fn peers(&self) -> &PeerSessions {
         &self.fleet.peers
     }
 
-    /// Whether a robot is sending.
+    /// True if a robot is sending.
     pub fn is_sending(&self, id: &RobotId) -> bool {
         let quiet = self.quiet_for(id);
         quiet.is_some_and(|quiet| quiet < limits::SENDING_WITHIN)
     }
 
-    /// The time since something of a robot came to this process; `None` when nothing ever has.
+    /// Returns the time since this process last received anything from a robot; `None` before the
+    /// first message.
     pub fn quiet_for(&self, id: &RobotId) -> Option<Duration> {
         self.fleet.find(id.as_str())?.quiet_for(&*self.fleet.clock)
     }
 
-    /// How long estimators took for a scan, all robots together.
+    /// Returns the histogram of the estimators' durations for a scan, over all robots.
     pub fn scan_durations(&self) -> Histogram {
         self.fleet.scan_durations.clone()
     }
 
-    /// The ids of all robots.
+    /// Returns the ids of all robots.
     pub fn ids(&self) -> Vec<RobotId> {
         self.fleet
             .all()
@@ -414,7 +422,7 @@ impl FleetHandle {
             .collect()
     }
 
-    /// The latest estimate of every robot that has one.
+    /// Returns the latest estimate of every robot that has one.
     pub fn estimates(&self) -> BTreeMap<RobotId, Arc<EstimateDocument>> {
         let robots = self.fleet.all();
         robots
@@ -423,13 +431,13 @@ impl FleetHandle {
             .collect()
     }
 
-    /// How far a robot's task has come; `None` for a robot that is unknown.
+    /// Returns the progress of a robot's task; `None` for an unknown robot.
     pub fn progress(&self, id: &RobotId) -> Option<Progress> {
         Some(self.fleet.find(id.as_str())?.mailbox.progress())
     }
 
-    /// Takes a message in. It never blocks: this runs on the link's receiving threads. `payload`
-    /// is asked for only when the message is kept.
+    /// Receives a message. It never blocks: this runs on the link's receiving threads. `payload` is
+    /// called only if the message is kept.
     pub fn receive(
         &self,
         id: &RobotId,
@@ -467,8 +475,8 @@ impl FleetHandle {
         }
     }
 
-    /// Counts a message on a former key of a stream, of which nothing is used: the robot is warned of
-    /// and told, by its refusal, the key to send to.
+    /// Counts a message on a former key of a stream, whose content is ignored: the robot gets a
+    /// warning, and the refusal names the key to send to.
     pub fn refuse_former_key(&self, id: &RobotId, stream: Stream, key: &str) {
         if let Some(robot) = self.admit(id, stream) {
             robot.used_former_key(key, &*self.fleet.clock);
@@ -477,8 +485,8 @@ impl FleetHandle {
         }
     }
 
-    /// Counts a message and finds its robot; `None` when there is no room for another one, or
-    /// another instance has it.
+    /// Counts a message and finds its robot; `None` if there is no room for another robot, or
+    /// another instance estimates it.
     fn admit(&self, id: &RobotId, stream: Stream) -> Option<Arc<Robot>> {
         if self.is_elsewhere(id) {
             return None;
@@ -498,12 +506,12 @@ impl FleetHandle {
         robot
     }
 
-    /// Tells of every change of a robot's configuration from now on.
+    /// Returns a channel that signals every change of a robot's configuration from now on.
     pub fn configured(&self) -> watch_channel::Receiver<u64> {
         self.fleet.configured.subscribe()
     }
 
-    /// The topics of every robot that is configured, as far as they are its own.
+    /// Returns the individually configured topics of every configured robot.
     pub fn streams(&self) -> BTreeMap<RobotId, RobotStreams> {
         let robots = self.fleet.all();
         robots
@@ -512,15 +520,15 @@ impl FleetHandle {
             .collect()
     }
 
-    /// Where a robot's rear axle is in its `base_link`, where that is configured.
+    /// Returns the pose of a robot's rear axle in its `base_link`, where that is configured.
     pub fn rear_axle_in_base_link(&self, id: &RobotId) -> Option<Pose2> {
         let (_, config) = self.fleet.find(id.as_str())?.versioned_config()?;
         let Pose2 { x_m, y_m, yaw_rad } = config.rear_axle_in_base_link?.pose();
         Some(Pose2 { x_m, y_m, yaw_rad })
     }
 
-    /// Takes which ROS 2 topics a robot has announced. One that nobody has configured is taken in
-    /// unregistered, if there is room; it is there as long as it announces any.
+    /// Sets the ROS 2 topics that a robot has announced. An unknown robot becomes unregistered, if
+    /// there is room, and counts as present as long as it announces any.
     pub fn set_topics(&self, id: &RobotId, topics: Vec<AnnouncedTopic>) {
         let robot = if topics.is_empty() {
             self.fleet.find(id.as_str())
@@ -532,7 +540,7 @@ impl FleetHandle {
         }
     }
 
-    /// Counts a message whose key names no robot or no stream.
+    /// Counts a message with a key of no known robot or stream.
     pub fn count_foreign_key(&self) {
         self.fleet.counts.received.fetch_add(1, Ordering::Relaxed);
         self.fleet
@@ -541,13 +549,13 @@ impl FleetHandle {
             .fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Counts a question that found too many others waiting.
+    /// Counts a query that was dropped because too many others waited.
     pub fn count_unanswered_question(&self) {
         let counts = &self.fleet.counts;
         counts.unanswered_questions.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Notes that a robot's liveliness token came or went.
+    /// Records that a robot's liveliness token appeared or disappeared.
     pub fn set_alive(&self, id: &RobotId, alive: bool) {
         let robot = if alive {
             self.fleet.find_or_admit(id)

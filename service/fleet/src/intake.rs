@@ -14,36 +14,38 @@ use crate::commanded::SteeringWatch;
 use crate::decode::{Decoded, MessageRefused};
 use crate::pairing::Pairing;
 use crate::reading::{self, Reading, ReadingSettings};
+use crate::sighting::Sighting;
 
-/// What one message came to.
+/// Result of reading one message.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Taken {
     /// Its header stamp.
     pub stamp: RobotTime,
     /// Hash of its bytes.
     pub content: u64,
-    /// Steering angle that it says, rad.
+    /// Steering angle in the message, rad.
     pub steering_rad: Option<f64>,
-    /// What the estimator takes, which of half a drive sample may be nothing or several.
+    /// Events for the estimator; half of a drive sample may complete none or several.
     pub events: Vec<Decoded>,
 }
 
-/// Reads the messages of one robot, and pairs its steering with its speed where they come apart.
+/// Reader of one robot's messages, which pairs its steering with its speed where they arrive
+/// separately.
 #[derive(Debug, Default)]
 pub struct Intake {
     settings: ReadingSettings,
-    /// Steering and speed that come apart.
+    /// Pairing of separate steering and speed.
     pairing: Pairing,
-    /// What tells a measured steering angle from a commanded one.
+    /// Classifier of steering angles: measured or commanded.
     steering: SteeringWatch,
-    /// What tells stamps that are too coarse.
+    /// Detector of coarse stamps.
     stamps: StampWatch,
-    /// The latest speed of a robot whose speed and steering come apart.
+    /// Latest speed of a robot that sends speed and steering separately.
     speed_mps: f64,
 }
 
 impl Intake {
-    /// Of a robot that has sent nothing yet.
+    /// Makes the intake of a robot that has sent nothing yet.
     pub fn new(settings: ReadingSettings) -> Self {
         Self {
             settings,
@@ -51,21 +53,21 @@ impl Intake {
         }
     }
 
-    /// What a stream's messages are, by their form or else by configuration.
+    /// Returns the type of a stream's messages: by their form, else by configuration.
     pub fn message_type(&self, stream: Stream, form: Form) -> Option<MessageType> {
         self.settings.message_type(stream, form)
     }
 
-    /// The topic that a stream is configured to come on.
+    /// Returns the configured topic of a stream.
     pub fn topic(&self, stream: Stream) -> Option<&str> {
         let source = self.settings.streams.fields().source(stream)?;
         Some(source.topic.as_str())
     }
 
-    /// Takes one message.
+    /// Reads one message.
     ///
     /// # Errors
-    /// One sentence: the stream, the field, its value and what is accepted.
+    /// One sentence: the stream, the field, its value and the accepted values.
     pub fn take(
         &mut self,
         stream: Stream,
@@ -105,18 +107,24 @@ impl Intake {
         })
     }
 
-    /// How well steering and speed fit together, of a robot that sends them apart.
+    /// Returns the unchecked content of a message; `None` if it cannot be decoded or is a note.
+    pub fn sight(&self, stream: Stream, form: Form, payload: &[u8]) -> Option<Sighting> {
+        reading::sight(stream, form, &self.settings, payload)
+    }
+
+    /// Returns the quality of the pairing of steering and speed, for a robot that sends them
+    /// separately.
     pub fn pairing(&self) -> Option<PairingReport> {
         let report = self.pairing.report();
         (report != PairingReport::default()).then_some(report)
     }
 
-    /// Streams whose stamps are coarser than their rate.
+    /// Returns the streams whose stamps are coarser than their rate.
     pub fn coarsely_stamped(&self) -> Vec<Stream> {
         self.stamps.coarse()
     }
 
-    /// Whether its steering angles look commanded, with what is known of it.
+    /// True if its steering angles look commanded, given its estimate.
     pub fn looks_commanded(&self, estimate: Option<&EstimateDocument>) -> bool {
         let time_offset = estimate.and_then(|document| {
             let parameter = document.parameters.get(Parameter::TimeOffset);
@@ -127,7 +135,7 @@ impl Intake {
     }
 }
 
-/// The samples that half of one has completed.
+/// Wraps the drive samples that a half has completed.
 fn decoded(samples: Vec<DriveSample>) -> Vec<Decoded> {
     let event = |sample: DriveSample| Decoded {
         stamp: sample.stamp(),

@@ -8,57 +8,58 @@ use fleetcal_domain::robot::{HistoryEvent, RobotState};
 use fleetcal_model::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 
-/// Something that a listener of the event stream wants to know at once.
+/// Update that listeners of the event stream receive at once.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LiveUpdate {
     /// A robot's new estimate, at most one a second of message time.
     Estimate {
-        /// Whose.
+        /// The robot.
         robot: RobotId,
-        /// What.
+        /// The estimate.
         document: Arc<EstimateDocument>,
     },
     /// A robot's state, connection or configuration changed; at most one a second and robot.
     RobotState {
-        /// Whose.
+        /// The robot.
         robot: RobotId,
         /// The new state.
         state: RobotState,
-        /// Whether nothing has come for [`fleetcal_domain::limits::STALE_AFTER`].
+        /// True if nothing has come for [`fleetcal_domain::limits::STALE_AFTER`].
         stale: bool,
-        /// Whether its liveliness token stands.
+        /// True if its liveliness token is present.
         alive: bool,
     },
-    /// A record of a robot's life cycle changed: what is shown of it should be read again.
+    /// A record of a robot's life cycle changed, and its display should be refreshed.
     Approval {
-        /// Whose.
+        /// The robot.
         robot: RobotId,
     },
     /// An alert of a robot changed.
     Alert {
-        /// Whose; `None` of one that is about several.
+        /// The robot; `None` for an alert about several.
         robot: Option<RobotId>,
-        /// The alert as it stands now; one that is [`fleetcal_domain::alert::ConditionName::Normal`] is over.
+        /// The alert in its present state; one that is
+        /// [`fleetcal_domain::alert::ConditionName::Normal`] is over.
         alert: Arc<Alert>,
     },
     /// The deployment freeze began or ended.
     Freeze,
     /// The approval policy changed.
     Policy,
-    /// Something happened to a robot.
+    /// An event of a robot.
     Event {
-        /// Whose.
+        /// The robot.
         robot: RobotId,
-        /// What.
+        /// The event.
         event: Arc<HistoryEvent>,
-        /// The person or tool of the site that noted it; `None` of what the robot, its estimator or the
-        /// service says.
+        /// The person or tool of the site that noted it; `None` for events of the robot, its
+        /// estimator or the service.
         author: Option<String>,
     },
 }
 
 impl LiveUpdate {
-    /// What listeners are told of a transition of a robot's records.
+    /// Makes the update that listeners receive about a transition of a robot's records.
     pub fn of_transition(robot: &RobotId, transition: &Transition) -> Self {
         match transition {
             Transition::Proposal(_) | Transition::Deployment(_) | Transition::Shadow(_) => {

@@ -40,30 +40,30 @@ struct Queue {
     wheel_odometry: usize,
     scans: usize,
     notes: usize,
-    /// What of `items` was heard before the task began.
+    /// Part of `items` that was received before the task began.
     heard: Heard,
     in_hand: Option<InHand>,
     counters: Counters,
     progress: Progress,
 }
 
-/// The message that the task works on.
+/// Message that the task is processing.
 #[derive(Debug, Clone, Copy)]
 struct InHand {
     stream: Stream,
     was_heard: bool,
 }
 
-/// See the module.
+/// Mailbox of a robot; see the module.
 #[derive(Debug, Default)]
 pub struct Mailbox {
     queue: Mutex<Queue>,
     arrived: Notify,
-    /// What has come does not wait for the task's next round.
+    /// Signal of items that do not wait for the task's next round.
     pressing: Notify,
 }
 
-/// The class of a stream: what is dropped together.
+/// True if a stream belongs to the class of scans, which are dropped together.
 fn is_scan(item: &Item) -> bool {
     matches!(
         item,
@@ -99,7 +99,7 @@ impl Queue {
         }
     }
 
-    /// Whether what waits is to be worked off at once.
+    /// True if the waiting items are to be processed at once.
     fn is_pressing(&self) -> bool {
         self.notes > 0
             || self.scans > TASK_ROUND_SCANS_MAX
@@ -151,7 +151,7 @@ impl Queue {
 }
 
 impl Queue {
-    /// Takes a message in for a task that has not begun, or not caught up.
+    /// Adds a message for a task that has not begun, or not caught up.
     fn push_heard(&mut self, message: Message) {
         let class = Class::of(message.stream);
         let waiting = |queue: &Self| queue.heard.waiting.get(class as usize).copied();
@@ -169,7 +169,7 @@ impl Queue {
         self.items.push_back(Item::Heard(message));
     }
 
-    /// Pushes out the oldest of such streams that was heard; whether there is one.
+    /// Drops the oldest early message of the given streams; returns whether there was one.
     fn push_out_heard(&mut self, of: impl Fn(Stream) -> bool) -> bool {
         let oldest = |item: &Item| matches!(item, Item::Heard(message) if of(message.stream));
         let at = self.items.iter().position(oldest);
@@ -188,8 +188,8 @@ impl Queue {
         true
     }
 
-    /// What was pushed out was older than a message that the task before had taken, and so taken
-    /// too; or older than one that it had not, and is lost.
+    /// Counts the early messages that were dropped: as lost, unless the message after them was
+    /// known to the former task, and so they were too.
     fn judge_pushed_out(&mut self, class: Class, is_known: bool) {
         let Some(pushed_out) = self.heard.pushed_out.get_mut(class as usize) else {
             return;
@@ -205,7 +205,8 @@ impl Queue {
         }
     }
 
-    /// Drops all but the places at which the robot said what it uses: they are counted elsewhere.
+    /// Drops all items except the markers of the robot's reports on its values, which are counted
+    /// elsewhere.
     fn clear(&mut self, heard_are_counted: bool) {
         let is_counted = |item: &&Item| match item {
             Item::Message(_) => true,
@@ -221,14 +222,14 @@ impl Queue {
 }
 
 impl Mailbox {
-    /// The queue holds plain numbers that are right after every statement, so a panic of another
-    /// thread leaves nothing half done.
+    /// Locks the queue. It holds plain numbers that are right after every statement, so a panic of
+    /// another thread leaves nothing half done.
     fn lock(&self) -> MutexGuard<'_, Queue> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes a message in and drops what no longer fits. `false` when it is the message itself
-    /// that was dropped.
+    /// Adds a message and drops whatever no longer fits. Returns `false` if the message itself was
+    /// dropped.
     pub fn push(&self, message: Message) -> bool {
         let (kept, is_pressing) = {
             let mut queue = self.lock();
@@ -274,7 +275,7 @@ impl Mailbox {
         queue.count_outcome(stream, Outcome::Refused(reason.to_owned()));
     }
 
-    /// Counts a message of a robot that nobody has configured. To its sender it is given up.
+    /// Counts a message of a robot that nobody has configured. Its sender sees it as dropped.
     pub fn ignore(&self, stream: Stream) {
         let mut queue = self.lock();
         queue.counters.received += 1;
@@ -282,7 +283,7 @@ impl Mailbox {
         queue.progress.dropped += u64::from(stream != Stream::Event);
     }
 
-    /// Puts a note behind what waits; `false` when too many wait.
+    /// Appends a note; returns `false` if too many wait.
     pub fn push_note(&self, note: Noted) -> bool {
         {
             let mut queue = self.lock();
@@ -296,12 +297,12 @@ impl Mailbox {
         true
     }
 
-    /// True if another note finds room.
+    /// True if there is room for another note.
     pub fn has_room_for_note(&self) -> bool {
         self.lock().notes < MAILBOX_NOTES_MAX
     }
 
-    /// Puts the end of the session behind what waits, unless it stands there already.
+    /// Appends the end of the session, unless it is the last item already.
     pub fn end_session(&self) {
         {
             let mut queue = self.lock();
@@ -312,7 +313,8 @@ impl Mailbox {
         self.wake();
     }
 
-    /// Puts the robot's answer about what it uses behind what waits; `false` when one stands there.
+    /// Appends the marker of the robot's report on its values; returns `false` if it is the last
+    /// item already.
     pub fn push_values_heard(&self) -> bool {
         let is_new = {
             let mut queue = self.lock();
@@ -342,7 +344,7 @@ impl Mailbox {
         self.pressing.notified().await;
     }
 
-    /// Takes the oldest item; [`Mailbox::finish`] must follow for a message.
+    /// Removes and returns the oldest item; for a message, [`Mailbox::finish`] must follow.
     pub fn take(&self) -> Option<Item> {
         let mut queue = self.lock();
         let item = queue.items.pop_front()?;
@@ -372,7 +374,7 @@ impl Mailbox {
         Some(item)
     }
 
-    /// Says what became of the message that was taken last.
+    /// Records the outcome of the message that was removed last.
     pub fn finish(&self, outcome: Outcome) {
         let mut queue = self.lock();
         if let Some(InHand { stream, was_heard }) = queue.in_hand.take() {
@@ -383,13 +385,13 @@ impl Mailbox {
         }
     }
 
-    /// Whether nothing waits and nothing is in hand.
+    /// True if the queue is empty and the task is processing nothing.
     pub fn is_idle(&self) -> bool {
         let queue = self.lock();
         queue.items.is_empty() && queue.in_hand.is_none()
     }
 
-    /// What became of the messages so far.
+    /// Returns the counters of messages by outcome so far.
     pub fn counters(&self) -> Counters {
         let queue = self.lock();
         let is_own = queue.recipient != Recipient::Heir;
@@ -405,18 +407,18 @@ impl Mailbox {
         }
     }
 
-    /// How far the task has come.
+    /// Returns the progress of the task.
     pub fn progress(&self) -> Progress {
         self.lock().progress
     }
 
-    /// For whom it takes messages.
+    /// Returns the recipient of new messages.
     pub fn recipient(&self) -> Recipient {
         self.lock().recipient
     }
 
-    /// Takes messages for a task that is to begin. `false` when it does so already, or there is a
-    /// task.
+    /// Begins to keep messages for a task that is to begin. Returns `false` if it does so already,
+    /// or there is a task.
     pub fn hear(&self) -> bool {
         let mut queue = self.lock();
         let begins = queue.recipient == Recipient::Nobody;
@@ -426,7 +428,7 @@ impl Mailbox {
         begins
     }
 
-    /// Drops what was heard: no task is to begin. `false` when nothing was to be heard.
+    /// Drops the early messages, as no task is to begin. Returns `false` if none were to be kept.
     pub fn unhear(&self) -> bool {
         let mut queue = self.lock();
         let ends = queue.recipient == Recipient::Heir;
@@ -437,7 +439,7 @@ impl Mailbox {
         ends
     }
 
-    /// Takes messages for the task that begins. `false` when there is one.
+    /// Begins to accept messages for the task that begins. Returns `false` if there is one.
     pub fn open(&self) -> bool {
         let mut queue = self.lock();
         let opens = queue.recipient != Recipient::Task;
@@ -448,7 +450,7 @@ impl Mailbox {
         opens
     }
 
-    /// Takes no further message. `false` when it took none for a task.
+    /// Stops accepting messages. Returns `false` if there was no task to accept them for.
     pub fn close(&self) -> bool {
         let mut queue = self.lock();
         let closes = queue.recipient == Recipient::Task;
@@ -458,7 +460,7 @@ impl Mailbox {
         closes
     }
 
-    /// Drops what waits, which is another instance's by now.
+    /// Drops the waiting items, which belong to another instance by now.
     pub fn clear(&self) {
         self.lock().clear(true);
     }

@@ -13,24 +13,25 @@ use serde::{Deserialize, Serialize};
 /// A note of a person or a tool, as it is stored.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Noted {
-    /// The number of its row in the audit: later notes have higher ones.
+    /// Number of its row in the audit; later notes have higher ones.
     pub number: AuditId,
-    /// What it says.
+    /// Content of the note.
     pub event: RobotEvent,
 }
 
-/// What a robot's estimator has taken of the notes about it.
+/// Notes about a robot that its estimator has processed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NotesTaken {
-    /// Up to which number it has taken those of people and tools.
+    /// Number of the last processed note of people and tools.
     pub until: AuditId,
-    /// The robot's own ones of late, the newest last: who takes over a robot may have heard them too.
+    /// The robot's own latest notes, the newest last: an instance that takes over the robot may
+    /// have received them too.
     #[serde(default, skip_serializing_if = "VecDeque::is_empty")]
     pub of_robot: VecDeque<Note>,
 }
 
 impl NotesTaken {
-    /// All notes up to a number.
+    /// Marks all notes up to a number as processed.
     pub fn until(number: AuditId) -> Self {
         Self {
             until: number,
@@ -38,7 +39,7 @@ impl NotesTaken {
         }
     }
 
-    /// Remembers one of the robot's own.
+    /// Adds one of the robot's own notes.
     pub fn remember(&mut self, note: Note) {
         if self.of_robot.len() >= NOTES_PER_HOUR_MAX as usize {
             self.of_robot.pop_front();

@@ -15,29 +15,29 @@ use serde_json::Value;
 use thiserror::Error;
 use zstd::bulk::Compressor;
 
-/// The format that is written, which is the first byte.
+/// Format that is written, as the first byte.
 pub const FORMAT: u8 = 4;
-/// The newest format that is read. A version that brings one reads it and goes on writing the former,
-/// and the version after it writes it: so robots go on from their states when instances are taken
-/// back to the version before.
+/// Newest format that is read. A version that introduces a format reads it but writes the former
+/// one, and the next version writes it: so robots continue from their states when instances are
+/// downgraded by one version.
 pub const FORMAT_READ_MAX: u8 = FORMAT;
-/// The one before: each fraction by itself. Format 1 was JSON text without a number.
+/// Former format: each fraction by itself. Format 1 was JSON text without a number.
 const FORMAT_BEFORE: u8 = 2;
-/// What checkpoints of format 1 begin with: no later format may have its number.
+/// First byte of checkpoints of format 1: no later format may have its number.
 const TEXT: u8 = b'{';
-/// Each instance of a cluster stores each robot's state every 5 to 10 s. Level 7 makes 1.5 % less for
-/// half as much CPU again.
+/// Compression level. Each instance of a cluster stores each robot's state every 5 to 10 s; level 7
+/// makes 1.5 % less for half as much CPU again.
 const LEVEL: i32 = 3;
-/// Bytes of a fraction that its sign and exponent are in.
+/// Bytes of a fraction that hold its sign and exponent.
 const EXPONENT_BYTES: usize = 2;
 
-/// Why bytes are no checkpoint that can be read.
+/// Reason for which bytes are not a readable checkpoint.
 #[derive(Debug, Error)]
 pub enum Unreadable {
-    /// There are none.
+    /// There are no bytes.
     #[error("checkpoint: got no bytes, expected the number of its format")]
     Empty,
-    /// The format is of another version.
+    /// The format belongs to another version.
     #[error("checkpoint: got format {0}, expected format {FORMAT}, {FORMAT_BEFORE} or JSON text")]
     Format(u8),
     /// The bytes are damaged.
@@ -45,23 +45,23 @@ pub enum Unreadable {
         "checkpoint: got bytes that cannot be decompressed ({0}), expected zstd of {CHECKPOINT_BYTES_MAX} bytes at most"
     )]
     Compression(String),
-    /// Text and fractions do not fit each other.
+    /// Text and fractions do not match.
     #[error("checkpoint: got {got} bytes of fractions, expected {expected}")]
     Fractions {
         /// Bytes behind the text.
         got: usize,
-        /// Bytes of those that are missing in the text.
+        /// Bytes of the fractions that are missing in the text.
         expected: usize,
     },
-    /// The content is another one.
+    /// The content has another structure.
     #[error("checkpoint: {0}, expected what this version writes")]
     Content(#[from] serde_json::Error),
 }
 
-/// The bytes of a state.
+/// Packs a state into bytes.
 ///
 /// # Errors
-/// When the state is nothing that JSON can hold, or cannot be compressed.
+/// The state cannot be written as JSON or compressed.
 pub fn pack(state: &impl Serialize) -> Result<Vec<u8>, Unreadable> {
     let mut content = serde_json::to_value(state)?;
     let mut fractions = Vec::new();
@@ -89,10 +89,10 @@ pub fn pack(state: &impl Serialize) -> Result<Vec<u8>, Unreadable> {
     Ok(bytes)
 }
 
-/// The state of these bytes, equal to the bit.
+/// Unpacks a state, equal to the bit.
 ///
 /// # Errors
-/// When they are of an unknown format, damaged, or another state's.
+/// The bytes have an unknown format, are damaged, or hold another state.
 pub fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Unreadable> {
     match bytes.split_first() {
         None => Err(Unreadable::Empty),
@@ -104,7 +104,8 @@ pub fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Unreadable> {
 }
 
 thread_local! {
-    /// Its tables would be freed and allocated again for each frame.
+    /// Compressor of this thread, kept because its tables would be freed and allocated again for
+    /// each frame.
     static COMPRESSOR: RefCell<Option<Compressor<'static>>> = const { RefCell::new(None) };
 }
 
@@ -147,14 +148,14 @@ fn unpack_content<T: DeserializeOwned>(
     Ok(serde_json::from_value(content)?)
 }
 
-/// Fractions whose bytes stand together by their significance, the greatest first.
+/// Reads fractions whose bytes are grouped by significance, the greatest first.
 fn by_significance(bytes: &[u8]) -> Vec<f64> {
     let count = bytes.len() / size_of::<f64>();
     let fraction = |i| f64::from_be_bytes(std::array::from_fn(|byte| bytes[byte * count + i]));
     (0..count).map(fraction).collect()
 }
 
-/// Fractions one after the other, as format 2 has them.
+/// Reads fractions one after the other, as in format 2.
 fn one_by_one(bytes: &[u8]) -> Vec<f64> {
     let (whole, _) = bytes.as_chunks::<8>();
     whole
@@ -194,7 +195,7 @@ mod tests {
 
     use super::*;
 
-    /// A state with all that may stand in one.
+    /// State with every kind of value that a state may hold.
     #[derive(Debug, PartialEq, serde::Deserialize, Serialize)]
     struct State {
         z: Vec<f64>,
@@ -298,7 +299,7 @@ mod tests {
         }
     }
 
-    /// As version 0.2.0 wrote it.
+    /// Packs a state as version 0.2.0 did.
     fn packed_before(state: &State) -> Vec<u8> {
         let mut content = serde_json::to_value(state).unwrap();
         let mut fractions = Vec::new();

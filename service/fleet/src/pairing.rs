@@ -10,17 +10,17 @@ use fleetcal_estimator::{DriveSample, RobotTime};
 
 use crate::reading::Half;
 
-/// Farthest that the nearest angle may be from a speed, s.
+/// Largest distance of the nearest angle from a speed, s.
 const PAIRED_WITHIN_S: f64 = 0.1;
-/// A speed waits no longer than this for an angle behind it, s of message time: less than what the
-/// estimator waits for late streams.
+/// Longest wait of a speed for an angle behind it, s of message time: less than the estimator's
+/// wait for late streams.
 const WAIT_MAX_S: f64 = 0.25;
-/// Speeds, and angles, that are held at once.
+/// Most speeds, and most angles, that are held at once.
 const HELD_MAX: usize = 512;
-/// A stamp so much earlier than the last is of a new session, s.
+/// Step back of a stamp that begins a new session, s.
 const NEW_SESSION_S: f64 = 5.0;
 
-/// See the module.
+/// Pairing of steering and speed; see the module.
 #[derive(Debug, Default)]
 pub struct Pairing {
     steering: VecDeque<Half>,
@@ -29,7 +29,7 @@ pub struct Pairing {
 }
 
 impl Pairing {
-    /// Takes a steering angle; gives the samples that it completes.
+    /// Adds a steering angle; returns the samples that it completes.
     pub fn take_steering(&mut self, angle: Half) -> Vec<DriveSample> {
         if is_new_session(&self.steering, angle.stamp) {
             self.steering.clear();
@@ -39,7 +39,7 @@ impl Pairing {
         self.complete()
     }
 
-    /// Takes a speed; gives the samples that it completes.
+    /// Adds a speed; returns the samples that it completes.
     pub fn take_speed(&mut self, speed: Half) -> Vec<DriveSample> {
         if is_new_session(&self.speeds, speed.stamp) {
             self.steering.clear();
@@ -49,7 +49,7 @@ impl Pairing {
         self.complete()
     }
 
-    /// How well the two fit together so far.
+    /// Returns the quality of the pairing so far.
     pub fn report(&self) -> PairingReport {
         self.report
     }
@@ -69,7 +69,7 @@ impl Pairing {
         samples
     }
 
-    /// The sample of a speed; `after` is the place of the first angle that is not before it.
+    /// Makes the sample of a speed; `after` is the index of the first angle that is not before it.
     fn sample(&mut self, speed: Half, after: Option<usize>) -> Option<DriveSample> {
         let split = after.unwrap_or(self.steering.len());
         let before = split.checked_sub(1).and_then(|at| self.steering.get(at));
@@ -110,7 +110,7 @@ fn is_new_session(held: &VecDeque<Half>, stamp: RobotTime) -> bool {
     last.is_some_and(|last| stamp.seconds_since(last.stamp) < -NEW_SESSION_S)
 }
 
-/// Puts a half in its place by stamp; the oldest makes room.
+/// Inserts a half by its stamp; the oldest makes room.
 fn insert(held: &mut VecDeque<Half>, half: Half) {
     let later = held.iter().rev().take_while(|of| of.stamp > half.stamp);
     let at = held.len() - later.count();

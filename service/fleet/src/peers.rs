@@ -3,14 +3,14 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// Reasons why the link closes a session.
+/// Reason for which the link closes a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SessionClosed {
-    /// Its name or address has as many as it may.
+    /// Its name or address has as many sessions as it may.
     Share,
-    /// All places are taken, and nobody has more of them than it.
+    /// All places are taken, and no owner has more of them than the session's.
     Full,
-    /// Another one got its place, whose name or address had fewer.
+    /// A session of an owner with fewer got its place.
     MadeRoom,
 }
 
@@ -18,7 +18,7 @@ impl SessionClosed {
     /// All reasons.
     pub const ALL: [Self; 3] = [Self::Share, Self::Full, Self::MadeRoom];
 
-    /// Its name in metrics.
+    /// Returns its name in metrics.
     pub fn name(self) -> &'static str {
         match self {
             Self::Share => "share",
@@ -37,7 +37,7 @@ pub struct PeerSessions {
 }
 
 impl PeerSessions {
-    /// Takes how many sessions are open, and, where all places are taken, who has the most.
+    /// Sets the number of open sessions and, if all places are taken, the owner of the most.
     pub fn set_open(&self, open: usize, crowded: Option<String>) {
         self.open.store(open, Ordering::Relaxed);
         *self.crowded.lock().unwrap_or_else(PoisonError::into_inner) = crowded;
@@ -50,12 +50,12 @@ impl PeerSessions {
         }
     }
 
-    /// Sessions that are open.
+    /// Returns the number of open sessions.
     pub fn open(&self) -> usize {
         self.open.load(Ordering::Relaxed)
     }
 
-    /// Sessions that the link closed, by reason.
+    /// Returns the number of sessions that the link closed, by reason.
     pub fn closed(&self) -> [(&'static str, u64); SessionClosed::ALL.len()] {
         SessionClosed::ALL.map(|reason| {
             let count = self.closed.get(reason as usize);
@@ -64,7 +64,7 @@ impl PeerSessions {
         })
     }
 
-    /// Owner of the most sessions, while all places are taken.
+    /// Returns the owner of the most sessions, while all places are taken.
     pub fn crowded(&self) -> Option<String> {
         let crowded = self.crowded.lock();
         crowded.unwrap_or_else(PoisonError::into_inner).clone()

@@ -2,14 +2,15 @@
 
 use fleetcal_estimator::{Calibrator, Pose2, RobotTime};
 
-/// The pose that was told last.
+/// Pose that was published last.
 #[derive(Debug, Default)]
 pub struct LatestPose {
     told: Option<RobotTime>,
 }
 
 impl LatestPose {
-    /// Where the rear axle is in the filter's odometry frame, and when; `None` when that was told.
+    /// Returns the time and the pose of the rear axle in the filter's odometry frame; `None` if it
+    /// was published already.
     pub fn advance(&mut self, calibrator: &Calibrator) -> Option<(RobotTime, Pose2)> {
         let (stamp, pose) = calibrator.base_pose()?;
         if self.told == Some(stamp) {

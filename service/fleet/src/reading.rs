@@ -7,22 +7,24 @@ use fleetcal_model::Stream;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::message_type::{Form, MessageType};
 use fleetcal_proto::ros::{
-    AckermannDriveStamped, Header, JointState, Odometry, PoseStamped, RosMessage, TwistStamped,
+    AckermannDriveStamped, Header, JointState, LaserScan, Odometry, PointCloud2, PoseStamped,
+    RosMessage, TwistStamped,
 };
 
 use crate::decode::{self, Decoded, MessageRefused};
+use crate::sighting::{Sighted, Sighting};
 
-/// What a robot's messages are, where they do not say so themselves.
+/// Settings for reading a robot's messages where these do not name their own type.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ReadingSettings {
-    /// How its scans are taken.
+    /// Settings of its scans.
     pub scans: ScanSettings,
     /// Its topics and joints.
     pub streams: RobotStreams,
 }
 
 impl ReadingSettings {
-    /// Those of a robot.
+    /// Returns the settings of a robot.
     pub fn of(config: &RobotConfig) -> Self {
         Self {
             scans: config.scans(),
@@ -30,7 +32,8 @@ impl ReadingSettings {
         }
     }
 
-    /// What a stream's messages are: what they say, else what is configured, else the usual.
+    /// Returns the type of a stream's messages: as they name it, else as configured, else the usual
+    /// one.
     pub fn message_type(&self, stream: Stream, form: Form) -> Option<MessageType> {
         let usual = || match stream {
             Stream::Scan => Some(self.scans.scan_type.message_type()),
@@ -44,16 +47,16 @@ impl ReadingSettings {
 /// Half of a drive sample: a steering angle, rad, or a speed, m/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Half {
-    /// When it was measured.
+    /// Stamp of the measurement.
     pub stamp: RobotTime,
     /// Angle or speed.
     pub value: f64,
 }
 
-/// What a message is.
+/// Content of a message.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reading {
-    /// What the estimator takes.
+    /// Complete content for the estimator.
     Whole(Decoded),
     /// A steering angle that waits for its speed.
     Steering(Half),
@@ -61,11 +64,11 @@ pub enum Reading {
     Speed(Half),
 }
 
-/// Reads one payload. Its type is what the message says, else what is configured, else the usual
+/// Reads one payload, by the type that the message names, else the configured one, else the usual
 /// one.
 ///
 /// # Errors
-/// One sentence: the stream, the field, its value and what is accepted.
+/// One sentence: the stream, the field, its value and the accepted values.
 pub fn read(
     stream: Stream,
     form: Form,
@@ -101,7 +104,24 @@ pub fn read(
     }
 }
 
-/// A payload and what is needed to read it.
+/// Returns the unchecked content of a payload; `None` if it cannot be decoded or is a note.
+pub fn sight(
+    stream: Stream,
+    form: Form,
+    settings: &ReadingSettings,
+    payload: &[u8],
+) -> Option<Sighting> {
+    let of = settings.message_type(stream, form)?;
+    let message = Message {
+        stream,
+        encoding: form.encoding,
+        payload,
+        joints: settings.streams.joints(),
+    };
+    message.sighting(of).ok()
+}
+
+/// Payload with the context to read it.
 struct Message<'m> {
     stream: Stream,
     encoding: Encoding,
@@ -116,8 +136,9 @@ impl Message<'_> {
             .map_err(|source| MessageRefused::Payload { stream, source })
     }
 
-    fn steering(&self, of: MessageType) -> Result<Half, MessageRefused> {
-        let (header, angle_rad) = match of {
+    /// The steering angle as it was sent.
+    fn sent_steering(&self, of: MessageType) -> Result<(Header, f64), MessageRefused> {
+        Ok(match of {
             MessageType::JointState => {
                 let message: JointState = self.decoded()?;
                 let angle_rad = self.steering_of(&message)?;
@@ -128,16 +149,12 @@ impl Message<'_> {
                 (message.header, f64::from(message.drive.steering_angle))
             }
             other => return Err(MessageRefused::of_type(self.stream, other)),
-        };
-        let sample = self.sample(&header, 0.0, angle_rad)?;
-        Ok(Half {
-            stamp: sample.stamp(),
-            value: angle_rad,
         })
     }
 
-    fn speed(&self, of: MessageType) -> Result<Half, MessageRefused> {
-        let (header, speed_mps) = match of {
+    /// The speed as it was sent.
+    fn sent_speed(&self, of: MessageType) -> Result<(Header, f64), MessageRefused> {
+        Ok(match of {
             MessageType::Odometry => {
                 let message: Odometry = self.decoded()?;
                 (message.header, message.twist.twist.linear.x)
@@ -156,7 +173,20 @@ impl Message<'_> {
                 (message.header, f64::from(message.drive.speed))
             }
             other => return Err(MessageRefused::of_type(self.stream, other)),
-        };
+        })
+    }
+
+    fn steering(&self, of: MessageType) -> Result<Half, MessageRefused> {
+        let (header, angle_rad) = self.sent_steering(of)?;
+        let sample = self.sample(&header, 0.0, angle_rad)?;
+        Ok(Half {
+            stamp: sample.stamp(),
+            value: angle_rad,
+        })
+    }
+
+    fn speed(&self, of: MessageType) -> Result<Half, MessageRefused> {
+        let (header, speed_mps) = self.sent_speed(of)?;
         let sample = self.sample(&header, speed_mps, 0.0)?;
         Ok(Half {
             stamp: sample.stamp(),
@@ -172,6 +202,46 @@ impl Message<'_> {
             stamp: sample.stamp(),
             event: Event::WheelOdometry(sample),
             note: None,
+        })
+    }
+
+    fn sighting(&self, of: MessageType) -> Result<Sighting, MessageRefused> {
+        Ok(match self.stream {
+            Stream::Steering => {
+                let (header, steering) = self.sent_steering(of)?;
+                Sighting::of_wheels(&header, None, Some(steering))
+            }
+            Stream::Speed => {
+                let (header, speed) = self.sent_speed(of)?;
+                Sighting::of_wheels(&header, Some(speed), None)
+            }
+            Stream::WheelOdometry => {
+                let (header, steering) = self.sent_steering(of)?;
+                let (_, speed) = self.sent_speed(of)?;
+                Sighting::of_wheels(&header, Some(speed), Some(steering))
+            }
+            Stream::Scan if of == MessageType::LaserScan => {
+                let message: LaserScan = self.decoded()?;
+                let scan_time_s = f64::from(message.scan_time);
+                Sighting::of(&message.header, Sighted::Scan { scan_time_s })
+            }
+            Stream::Scan => {
+                let message: PointCloud2 = self.decoded()?;
+                Sighting::of(&message.header, Sighted::Scan { scan_time_s: 0.0 })
+            }
+            Stream::LidarOdometry if of == MessageType::PoseStamped => {
+                let message: PoseStamped = self.decoded()?;
+                Sighting::of_pose(&message.header, &message.header.frame_id, &message.pose)
+            }
+            Stream::LidarOdometry => {
+                let message: Odometry = self.decoded()?;
+                Sighting::of_pose(&message.header, &message.child_frame_id, &message.pose.pose)
+            }
+            Stream::Event => {
+                return Err(MessageRefused::Alone {
+                    stream: Stream::Event,
+                });
+            }
         })
     }
 
@@ -202,7 +272,7 @@ impl Message<'_> {
         Ok(joints.steering_gear * position_rad)
     }
 
-    /// The mean of the wheels.
+    /// Returns the mean speed of the wheels, m/s.
     fn speed_of(&self, message: &JointState) -> Result<f64, MessageRefused> {
         let joints = self.joints()?;
         let stream = self.stream;

@@ -21,41 +21,41 @@ use crate::live::LiveUpdate;
 use crate::peers::PeerSessions;
 use crate::robot::Robot;
 
-/// Upper bounds of the buckets of scans, s: a scan takes about a millisecond, and the next one comes
-/// after 0.1 s.
+/// Upper bounds of the histogram's buckets for a scan, s: a scan takes about a millisecond, and the
+/// next one comes after 0.1 s.
 const SCAN_BUCKETS_S: [f64; 10] = [
     0.0005, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.1, 0.5,
 ];
 
-/// How long estimators take for a scan; nothing yet.
+/// Makes the empty histogram of the estimators' durations for a scan.
 pub(super) fn scan_durations() -> Histogram {
     Histogram::new(SCAN_BUCKETS_S)
 }
 
-/// An unregistered robot makes room for another after this long without data.
+/// Time without data after which an unregistered robot makes room for another.
 const UNREGISTERED_KEPT: Duration = Duration::from_mins(1);
 
 /// Counters of the whole service, for `/metrics`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct FleetCounters {
-    /// Messages that came in on any key.
+    /// Messages received on any key.
     pub received: u64,
-    /// Messages on keys that name no robot or no stream.
+    /// Messages on keys of no known robot or stream.
     pub foreign_keys: u64,
     /// Messages larger than [`fleetcal_domain::limits::payload_bytes_max`].
     pub oversized: u64,
     /// Messages of robots beyond [`fleetcal_domain::limits::UNREGISTERED_ROBOTS_MAX`].
     pub beyond_robots_max: u64,
-    /// Questions over Zenoh beyond [`fleetcal_domain::limits::QUESTIONS_MAX`].
+    /// Queries over Zenoh beyond [`fleetcal_domain::limits::QUESTIONS_MAX`].
     pub unanswered_questions: u64,
-    /// Notes of robots beyond their budget of an hour.
+    /// Notes of robots beyond their hourly budget.
     pub notes_beyond_budget: u64,
-    /// Events of estimators beyond their robot's budget of an hour.
+    /// Events of estimators beyond their robot's hourly budget.
     pub events_beyond_budget: u64,
-    /// Messages that by the stamps of those before and after were sent and never reached the
-    /// estimator: lost on the way, or dropped.
+    /// Messages that, by the stamps of their neighbours, were sent and never reached the estimator:
+    /// lost on the way, or dropped.
     pub missing: u64,
-    /// Messages that were not used since two senders use their robot's id.
+    /// Messages that were dropped because two senders use their robot's id.
     pub of_two_senders: u64,
     /// Estimators that panicked.
     pub estimator_panics: u64,
@@ -78,40 +78,41 @@ pub(crate) struct Counts {
     pub(super) by_stream: [AtomicU64; Stream::COUNT],
 }
 
-/// How an estimator takes an event.
+/// Function by which an estimator processes an event.
 pub(crate) type Step = fn(&mut Calibrator, Event) -> Vec<Effect>;
 
-/// What every task of the fleet shares.
+/// State that all tasks of the fleet share.
 #[derive(Debug)]
 pub(crate) struct Fleet {
     pub(crate) clock: SharedClock,
     pub(crate) journal: Arc<dyn Journal>,
     pub(crate) estimator: EstimatorSettings,
     pub(crate) stop: CancellationToken,
-    /// [`Calibrator::step`], or what a test puts in its place.
+    /// [`Calibrator::step`], or a test's replacement.
     pub(crate) step: Step,
     pub(super) robots: RwLock<BTreeMap<RobotId, Arc<Robot>>>,
     pub(super) live: broadcast::Sender<LiveUpdate>,
     pub(crate) counts: Counts,
     /// The Zenoh sessions of all robots and others.
     pub(super) peers: PeerSessions,
-    /// How long estimators took for a scan.
+    /// Durations of the estimators for a scan.
     pub(super) scan_durations: Histogram,
     pub(super) tasks: TaskTracker,
-    /// Moves with every change of a robot's configuration.
+    /// Counter of changes of robots' configurations.
     pub(super) configured: watch_channel::Sender<u64>,
-    /// Whether this process has all robots, or those that it adopts.
+    /// Membership: this process estimates all robots, or those that it adopts.
     pub(crate) membership: Membership,
-    /// The newest row of the audit when this process began: notes before it are none of a robot of which
-    /// nothing is stored.
+    /// Newest row of the audit when this process began: earlier notes do not concern a robot
+    /// without a stored state.
     pub(crate) audited: AuditId,
-    /// Moves when other robots' messages are wanted.
+    /// Counter of changes of the robots whose messages are wanted.
     pub(super) heard: watch_channel::Sender<u64>,
-    /// The robots that the link is subscribed to.
+    /// Robots that the link is subscribed to.
     pub(super) subscribed: watch_channel::Sender<BTreeSet<RobotId>>,
 }
 
-/// A robot that has sent nothing yet. An instance of a cluster has none until it adopts it.
+/// Makes a robot that has sent nothing yet. An instance of a cluster estimates none until it adopts
+/// it.
 pub(super) fn new_robot(
     membership: &Membership,
     id: &RobotId,
@@ -125,12 +126,12 @@ pub(super) fn new_robot(
 }
 
 impl Fleet {
-    /// Tells every listener; nobody listening is no error.
+    /// Publishes an update to every listener; having none is no error.
     pub(crate) fn announce(&self, update: LiveUpdate) {
         drop(self.live.send(update));
     }
 
-    /// Puts an entry into a robot's history and tells every listener.
+    /// Records an entry in a robot's history and publishes it to every listener.
     pub(crate) fn record(&self, robot: &RobotId, event: HistoryEvent) {
         let event = Arc::new(event);
         self.journal.record_event(robot, &event);
@@ -141,7 +142,7 @@ impl Fleet {
         });
     }
 
-    /// Counters of the whole service.
+    /// Returns the counters of the whole service.
     pub(super) fn counters(&self) -> FleetCounters {
         let counts = &self.counts;
         let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
@@ -163,8 +164,8 @@ impl Fleet {
         }
     }
 
-    /// Notes that an estimator has finished a message now that it began at `began`, running time;
-    /// only scans take long enough to be measured.
+    /// Records that an estimator has finished a message that it began at running time `began`; only
+    /// scans take long enough to be measured.
     pub(crate) fn took(&self, stream: Stream, began: Duration) {
         if stream == Stream::Scan {
             let took = self.clock.elapsed().saturating_sub(began);
@@ -191,7 +192,7 @@ impl Fleet {
         robots.values().cloned().collect()
     }
 
-    /// The robot of this id; a new one is taken in unregistered, if there is room.
+    /// Finds the robot of this id; a new one is admitted as unregistered, if there is room.
     pub(super) fn find_or_admit(&self, id: &RobotId) -> Option<Arc<Robot>> {
         if let Some(robot) = self.find(id.as_str()) {
             return Some(robot);
@@ -214,7 +215,7 @@ impl Fleet {
         Some(Arc::clone(robots.entry(id.clone()).or_insert(robot)))
     }
 
-    /// The robot of this id, of which the cluster's rows say that it is registered; its
+    /// Finds the robot of this id, or adds one that is registered by the cluster's rows; its
     /// configuration may come later.
     pub(super) fn find_or_add(&self, id: &RobotId) -> Arc<Robot> {
         let mut robots = self.robots.write().unwrap_or_else(PoisonError::into_inner);
@@ -222,7 +223,7 @@ impl Fleet {
         Arc::clone(robots.entry(id.clone()).or_insert_with(robot))
     }
 
-    /// Stores how well a robot follows its path.
+    /// Stores a robot's cross-track errors.
     pub(crate) fn save_cross_tracks(&self, robot: &Robot) {
         for (generation, errors) in robot.unsaved_cross_tracks() {
             self.journal

@@ -16,70 +16,73 @@ use tokio::sync::broadcast;
 
 use crate::live::LiveUpdate;
 
-/// What an instance tells the others of one of its robots: what changes from second to second, and
-/// now and then all there is.
+/// Report of an instance on one of its robots: the frequently changing part, and now and then all
+/// details.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RobotReport {
-    /// Which robot.
+    /// The robot.
     pub robot: RobotId,
-    /// In which of the robot's tenures; 0 of a robot that nobody has registered.
+    /// Epoch of the robot's tenure; 0 for an unregistered robot.
     pub epoch: Epoch,
-    /// Where the robot stands.
+    /// State of the robot.
     pub state: RobotState,
-    /// Whether nothing has come of it for some seconds.
+    /// True if nothing has come from it for some seconds.
     pub stale: bool,
-    /// When it was last heard, by the wall clock of the instance.
+    /// Time of its last message, by the wall clock of the instance.
     pub last_seen_ns: Option<WallTime>,
-    /// Its latest estimate; absent when it was told before, or there is none.
+    /// Its latest estimate; absent if an earlier report had it, or there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimate: Option<Box<EstimateDocument>>,
-    /// Up to which note of the audit its estimator has taken them; absent in reports of former versions.
+    /// Number of the last note of the audit that its estimator has processed; absent in reports of
+    /// former versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub notes_taken: Option<AuditId>,
-    /// All the rest, now and then.
+    /// Remaining details, now and then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub details: Option<Box<ReportDetails>>,
-    /// What happened to it since the report before.
+    /// Events of the robot since the previous report.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub events: Vec<HistoryEvent>,
 }
 
-/// What is told of a robot every few seconds, or when it has changed.
+/// Details of a robot, reported every few seconds, or when they have changed.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ReportDetails {
-    /// When it was last heard before the instance began to hear it, wall time.
+    /// Time of its last message before the instance began to receive it, wall time.
     pub heard_before_ns: Option<WallTime>,
-    /// What it sends.
+    /// Its streams.
     pub streams: Vec<StreamView>,
-    /// What became of its messages.
+    /// Counters of its messages by outcome.
     pub counters: Counters,
-    /// Times that its estimator was restarted after a panic.
+    /// Restarts of its estimator after a panic.
     pub estimator_restarts: u32,
-    /// How well steering and speed of different topics fit together.
+    /// Quality of the pairing of steering and speed of different topics.
     pub pairing: Option<PairingReport>,
-    /// What looks wrong with what it sends.
+    /// Warnings about its messages.
     pub warnings: Vec<Warning>,
-    /// An estimate from nothing but what came since the values of this generation are in use.
+    /// An estimate from those messages alone that came since the values of this generation are in
+    /// use.
     pub verification: Option<(Generation, Box<EstimateDocument>)>,
-    /// How well it follows its path, by generation.
+    /// Its cross-track errors, by generation.
     pub cross_tracks: Vec<(Generation, CrossTrack)>,
 }
 
-/// What an instance was told of by another one at once: one message.
+/// Message with several reports of one instance to another.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Digest {
-    /// Its robots.
+    /// Reports on its robots.
     pub reports: Vec<RobotReport>,
 }
 
 impl Digest {
-    /// A message without reports: the instance is alive. Former versions read it as an empty digest.
+    /// Message without reports, which shows that the instance is alive. Former versions read it as
+    /// an empty digest.
     pub const HEARTBEAT: &[u8] = b"{\"reports\":[]}";
 
-    /// Messages of at most [`DIGEST_BYTES_MAX`] in JSON.
+    /// Splits reports into messages of at most [`DIGEST_BYTES_MAX`] in JSON.
     ///
     /// # Errors
-    /// When a report holds a number that JSON has not.
+    /// A report holds a number that JSON cannot represent.
     pub fn messages(reports: &[RobotReport]) -> Result<Vec<Vec<u8>>, serde_json::Error> {
         const OPEN: &[u8] = b"{\"reports\":[";
         const CLOSE: &[u8] = b"]}";
@@ -105,33 +108,33 @@ impl Digest {
     /// Reads a message.
     ///
     /// # Errors
-    /// When it is none of ours.
+    /// The message is not a digest.
     pub fn read(message: &[u8]) -> Result<Self, serde_json::Error> {
         serde_json::from_slice(message)
     }
 }
 
-/// What the other instances were told of this one's robots.
+/// Record of the reports that the other instances have received on this one's robots.
 #[derive(Debug, Default)]
 pub struct Reported {
     pub(crate) live: Option<broadcast::Receiver<LiveUpdate>>,
     pub(crate) robots: BTreeMap<RobotId, Told>,
 }
 
-/// What they were told of one robot.
+/// Last report on one robot.
 #[derive(Debug)]
 pub(crate) struct Told {
-    /// When all was told, running time.
+    /// Running time of the last complete report.
     pub whole_at: Duration,
-    /// The tenure, state, staleness and when it was heard.
+    /// Tenure, state, staleness and time of the last message.
     pub latest: (Epoch, RobotState, bool, Option<WallTime>),
     /// The estimate.
     pub estimate: Option<Arc<EstimateDocument>>,
-    /// What of the details is told at once when it changes.
+    /// Details that are reported at once when they change.
     pub urgent: Urgent,
 }
 
-/// What of the details is told at once when it changes.
+/// Details that are reported at once when they change.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Urgent {
     /// Warnings.
@@ -143,7 +146,7 @@ pub(crate) struct Urgent {
 }
 
 impl Reported {
-    /// Events since this was last asked, by robot; of each the first few.
+    /// Returns the events since the last call by robot, the first few of each.
     pub(crate) fn take_events(&mut self) -> BTreeMap<RobotId, Vec<HistoryEvent>> {
         let mut events: BTreeMap<RobotId, Vec<HistoryEvent>> = BTreeMap::new();
         let Some(live) = &mut self.live else {
@@ -172,11 +175,11 @@ impl Reported {
     }
 }
 
-/// Who sent a report.
+/// Sender of a report.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sender<'a> {
     /// The instance.
     pub instance: &'a InstanceId,
-    /// Running time at which it came.
+    /// Running time of its arrival.
     pub at: Duration,
 }

@@ -35,18 +35,18 @@ use crate::top_view::TopViewAskers;
 use estimators::Estimators;
 use used::Used;
 
-/// What a configuration did to a robot.
+/// Result of configuring a robot.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Configured {
-    /// It had none.
+    /// The robot had no configuration.
     First,
-    /// Its estimate goes on.
+    /// Its estimate continues.
     GoesOn,
     /// Its estimate begins from nothing, because of these keys.
     BeginsAgain(Vec<&'static str>),
 }
 
-/// Seconds over which a stream's rate is taken.
+/// Window over which a stream's rate is averaged, s.
 const RATE_WINDOW_S: usize = 5;
 
 /// Receipts of one stream.
@@ -54,7 +54,7 @@ const RATE_WINDOW_S: usize = 5;
 struct Receipts {
     messages: u64,
     last_received_ns: Option<WallTime>,
-    /// `messages` at the last ticks, one a second, oldest first.
+    /// Values of `messages` at the last ticks, one a second, oldest first.
     at_ticks: VecDeque<u64>,
 }
 
@@ -68,33 +68,33 @@ impl Receipts {
     }
 }
 
-/// Whether a robot's session goes on.
+/// Session of a robot, open or ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Session {
-    /// Nothing has come since the last one ended.
+    /// Ended: nothing has come since.
     Ended,
     /// Messages come, or may still come.
     Open,
 }
 
-/// What is known of a robot's connection.
+/// State of a robot's connection.
 #[derive(Debug)]
 struct Link {
     streams: [Receipts; Stream::COUNT],
-    /// When it was last heard before the service started.
+    /// Time of its last message before the service started.
     heard_before_ns: Option<WallTime>,
     last_seen_ns: Option<WallTime>,
     last_seen: Option<Duration>,
-    /// Whether its own token stands.
+    /// True if its own token is present.
     alive: bool,
-    /// The ROS 2 topics that it has announced.
+    /// ROS 2 topics that it has announced.
     topics: Arc<[AnnouncedTopic]>,
-    /// When the last token went, on the running clock.
+    /// Running time at which the last token disappeared.
     token_gone: Option<Duration>,
     session: Session,
-    /// When it last sent on a former key, on the running clock, and the key to send to.
+    /// Running time of its last message on a former key, and the key to send to.
     former_key: Option<(Duration, String)>,
-    /// State, staleness and presence as listeners last heard of them.
+    /// State, staleness and presence that listeners received last.
     announced: Option<(RobotState, bool, bool)>,
 }
 
@@ -104,26 +104,26 @@ impl Link {
     }
 }
 
-/// What the robot's task last said.
+/// Latest state that the robot's task has published.
 #[derive(Debug)]
 struct Status {
     config: Option<RobotConfig>,
-    /// Goes up with every change of `config`.
+    /// Number that grows with every change of `config`.
     config_version: Version,
     state: RobotState,
     estimate: Option<Arc<EstimateDocument>>,
     estimator_restarts: u32,
     used: Used,
     verification: Option<(Generation, Arc<EstimateDocument>)>,
-    /// How long the estimate has stood still.
+    /// Candidate for a proposal, with the time for which the estimate has been stable.
     candidate: Candidate,
-    /// What it should drive next, the best first.
+    /// Manoeuvres that it should drive next, the best first.
     manoeuvres: Arc<[Ranked]>,
     pairing: Option<PairingReport>,
     warnings: Vec<Warning>,
     /// True if a reported reassembly is open, also where there is no estimate yet.
     reassembly_open: bool,
-    /// Up to which note its estimator has taken them; `None` until its task says so.
+    /// Number of the last note that its estimator has processed; `None` until its task sets it.
     notes_taken: Option<AuditId>,
 }
 
@@ -132,31 +132,31 @@ struct Status {
 pub struct Robot {
     /// Its id.
     pub id: RobotId,
-    /// What waits for its task.
+    /// Items that wait for its task.
     pub mailbox: Mailbox,
-    /// Those who want to see it from above.
+    /// Requests for its top view.
     pub top_view_askers: TopViewAskers,
-    /// Those who record it.
+    /// Readers that record it.
     pub taps: Taps,
-    /// Its task.
+    /// Its task, if it runs here.
     pub tenancy: Mutex<Tenancy>,
     link: Mutex<Link>,
     status: Mutex<Status>,
     cross_tracks: Mutex<CrossTracks>,
-    /// Whether notes may be stored that its task was not brought.
+    /// True if stored notes may be missing from its task.
     wants_notes: AtomicBool,
-    /// Which instance estimates it, and what that says.
+    /// Instance that estimates it, and the report of that instance.
     estimators: Mutex<Estimators>,
 }
 
-/// The values behind the locks are whole after every statement, so the panic of another thread
-/// leaves nothing half done.
+/// Locks a mutex. The values behind the locks are whole after every statement, so a panic of
+/// another thread leaves nothing half done.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Robot {
-    /// A robot that has sent nothing yet.
+    /// Makes a robot that has sent nothing yet.
     pub fn new(id: RobotId, config: Option<RobotConfig>) -> Self {
         let state = if config.is_some() {
             RobotState::NoData
@@ -202,12 +202,12 @@ impl Robot {
         }
     }
 
-    /// Takes when it was last heard before the service started, wall time.
+    /// Restores the time of its last message before the service started, wall time.
     pub fn restore_last_heard(&self, heard_ns: WallTime) {
         lock(&self.link).heard_before_ns = Some(heard_ns);
     }
 
-    /// Notes that a message came on `stream`.
+    /// Records that a message came on `stream`.
     pub fn received(&self, stream: Stream, clock: &dyn Clock) {
         let now = clock.now();
         let mut link = lock(&self.link);
@@ -220,7 +220,7 @@ impl Robot {
         }
     }
 
-    /// Notes that the robot sent on a former key of a stream whose key is `key`.
+    /// Records that the robot sent on a former key of a stream whose key is `key`.
     pub fn used_former_key(&self, key: &str, clock: &dyn Clock) {
         let now = clock.elapsed();
         let mut link = lock(&self.link);
@@ -230,15 +230,14 @@ impl Robot {
         }
     }
 
-    /// Notes that the robot's liveliness token came or went.
+    /// Records that the robot's liveliness token appeared or disappeared.
     pub fn set_alive(&self, alive: bool, clock: &dyn Clock) {
         let mut link = lock(&self.link);
         link.alive = alive;
         link.token_gone = (!link.is_alive()).then(|| clock.elapsed());
     }
 
-    /// Takes which ROS 2 topics it has announced: with the last of them it is gone, as with a
-    /// token.
+    /// Sets the ROS 2 topics that it has announced: without any it is gone, as without a token.
     pub fn set_topics(&self, topics: Vec<AnnouncedTopic>, clock: &dyn Clock) {
         let mut link = lock(&self.link);
         let was_there = link.is_alive();
@@ -248,7 +247,7 @@ impl Robot {
         }
     }
 
-    /// Once a second: moves the rates on.
+    /// Advances the rates; to be called once a second.
     pub fn tick(&self) {
         for receipts in &mut lock(&self.link).streams {
             receipts.at_ticks.push_back(receipts.messages);
@@ -258,8 +257,8 @@ impl Robot {
         }
     }
 
-    /// Whether the session has just ended: its token went or nothing came for long, and all that
-    /// came is worked through. Says so once.
+    /// True, once, if the session has just ended: its token disappeared or nothing came for long,
+    /// and all received messages are processed.
     pub fn session_just_ended(&self, clock: &dyn Clock) -> bool {
         let now = clock.elapsed();
         let mut link = lock(&self.link);
@@ -279,14 +278,14 @@ impl Robot {
         ends
     }
 
-    /// How long nothing has come; `None` when nothing ever has.
+    /// Returns the time since the last message; `None` before the first.
     pub fn quiet_for(&self, clock: &dyn Clock) -> Option<Duration> {
         lock(&self.link)
             .last_seen
             .map(|seen| clock.elapsed().saturating_sub(seen))
     }
 
-    /// State, staleness and presence, when they differ from what was announced last.
+    /// Returns state, staleness and presence if they differ from those announced last.
     pub fn to_announce(&self, clock: &dyn Clock) -> Option<(RobotState, bool, bool)> {
         let state = self.state();
         let stale = self.is_stale(clock);
@@ -307,34 +306,34 @@ impl Robot {
             .is_none_or(|quiet| quiet >= STALE_AFTER)
     }
 
-    /// Where the robot stands.
+    /// Returns the robot's state.
     pub fn state(&self) -> RobotState {
         lock(&self.status).state
     }
 
-    /// Whether it has a configuration.
+    /// True if it has a configuration.
     pub fn is_configured(&self) -> bool {
         lock(&self.status).config.is_some()
     }
 
-    /// The number that goes up with every change of the configuration.
+    /// Returns the number that grows with every change of the configuration.
     pub fn config_version(&self) -> Version {
         lock(&self.status).config_version
     }
 
-    /// Its configuration, and a number that goes up with every change of it.
+    /// Returns its configuration, and the number that grows with every change of it.
     pub fn versioned_config(&self) -> Option<(Version, RobotConfig)> {
         let status = lock(&self.status);
         Some((status.config_version, status.config.clone()?))
     }
 
-    /// The latest estimate.
+    /// Returns the latest estimate.
     pub fn estimate(&self) -> Option<Arc<EstimateDocument>> {
         lock(&self.status).estimate.clone()
     }
 
-    /// Gives the robot a configuration. The same one again changes nothing, and the estimate goes on
-    /// where it rests on the same as before; `defaults` are the settings of `[estimator]`.
+    /// Sets the robot's configuration. An equal one changes nothing, and the estimate continues
+    /// where its basis stays the same; `defaults` are the settings of `[estimator]`.
     pub fn set_config(&self, config: RobotConfig, defaults: &EstimatorSettings) -> Configured {
         let mut status = lock(&self.status);
         if status.config.as_ref() == Some(&config) {
@@ -343,6 +342,7 @@ impl Robot {
         let basis = config.basis(defaults);
         status.config_version = status.config_version.next();
         let Some(former) = status.config.replace(config) else {
+            status.state = RobotState::NoData;
             return Configured::First;
         };
         let keys = basis.differs_in(&former.basis(defaults));
@@ -358,13 +358,13 @@ impl Robot {
         Configured::BeginsAgain(keys)
     }
 
-    /// Takes what the robot's task has to say.
+    /// Sets the robot's state.
     pub fn set_state(&self, state: RobotState) {
         lock(&self.status).state = state;
     }
 
-    /// Takes what its task had to say before the service was restarted, at once: whoever looks sees
-    /// all of it or nothing.
+    /// Restores, in one step, the state that its task had published before the service was
+    /// restarted: readers see all of it or nothing.
     pub fn restore(
         &self,
         state: RobotState,
@@ -377,7 +377,7 @@ impl Robot {
         status.candidate = candidate;
     }
 
-    /// Whether its estimate, once it is calibrated, has stood still for long enough by now.
+    /// True if it is calibrated and its estimate has been stable for long enough by now.
     pub fn observe_candidate(&self, policy: &Policy) -> bool {
         let mut status = lock(&self.status);
         let is_calibrated = status.state == RobotState::Calibrated;
@@ -385,28 +385,28 @@ impl Robot {
         status.candidate.observe(estimate.as_deref(), policy)
     }
 
-    /// How long its estimate has stood still.
+    /// Returns its candidate for a proposal.
     pub fn candidate(&self) -> Candidate {
         lock(&self.status).candidate.clone()
     }
 
-    /// Whether it is calibrated and no candidate for a proposal waits.
+    /// True if it is calibrated and no candidate for a proposal is pending.
     pub fn is_settled(&self) -> bool {
         let status = lock(&self.status);
         status.state == RobotState::Calibrated && !status.candidate.is_pending()
     }
 
-    /// Takes a new estimate.
+    /// Sets a new estimate.
     pub fn set_estimate(&self, estimate: Arc<EstimateDocument>) {
         lock(&self.status).estimate = Some(estimate);
     }
 
-    /// Takes how well its steering and speed fit together.
+    /// Sets the quality of the pairing of its steering and speed.
     pub fn set_pairing(&self, report: PairingReport) {
         lock(&self.status).pairing = Some(report);
     }
 
-    /// Takes what looks wrong with what it sends; whether that is another than before.
+    /// Sets the warnings; returns whether they changed.
     pub fn set_warnings(&self, warnings: Vec<Warning>) -> bool {
         let mut status = lock(&self.status);
         let changed = status.warnings != warnings;
@@ -414,19 +414,19 @@ impl Robot {
         changed
     }
 
-    /// Takes what the robot should drive next, the best first.
+    /// Sets the manoeuvres that the robot should drive next, the best first.
     pub fn set_manoeuvres(&self, ranked: Vec<Ranked>) {
         lock(&self.status).manoeuvres = Arc::from(ranked);
     }
 
-    /// What the robot should drive next, the best first.
+    /// Returns the manoeuvres that the robot should drive next, the best first.
     pub fn manoeuvres(&self) -> Arc<[Ranked]> {
         Arc::clone(&lock(&self.status).manoeuvres)
     }
 
-    /// Takes what the robot compensates with, oldest first, and the generation to be verified with
-    /// since when it is in use by the agent's clock. Both count from the messages on that come
-    /// after this.
+    /// Sets the values that the robot compensates with, oldest first, and the generation in
+    /// verification with the start of its use by the agent's clock. Both apply to the messages that
+    /// come after this.
     pub fn set_used(
         &self,
         values: &[UsedValues],
@@ -452,8 +452,8 @@ impl Robot {
         status.used.unheard = status.used.unheard.saturating_sub(1);
     }
 
-    /// The robot's answer has come up among its messages, of which `newest` is the newest: what it
-    /// said counts from there on, whatever time the agent's clock shows.
+    /// Applies the robot's report from its place among the messages on, of which `newest` is the
+    /// newest: the reported values apply from there on, whatever time the agent's clock shows.
     pub fn values_heard(&self, newest: RobotTime) {
         self.count_heard();
         let mut status = lock(&self.status);
@@ -462,7 +462,8 @@ impl Robot {
         }
     }
 
-    /// The clock of its messages went back: what it said last counts for all that comes.
+    /// Handles a clock of its messages that went back: the values reported last apply to all that
+    /// follow.
     pub fn clock_went_back(&self) {
         let mut status = lock(&self.status);
         if let Some(latest) = status.used.values.last_mut() {
@@ -470,8 +471,8 @@ impl Robot {
         }
     }
 
-    /// What the robot compensated with at `stamp_ns`; of a time before it has said so, the first
-    /// that it said.
+    /// Returns the values that the robot compensated with at `stamp`; before its first report, the
+    /// first reported ones.
     pub fn values_at(&self, stamp: RobotTime) -> Option<CalibrationValues> {
         self.used_at(stamp).map(|used| used.values)
     }
@@ -484,7 +485,7 @@ impl Robot {
         then.or(values.first()).map(|one| one.used)
     }
 
-    /// Takes how far the robot was off its path, m; without a stamp it is of now, `received`.
+    /// Adds a cross-track error, m; without a stamp it is dated now, `received`.
     pub fn take_cross_track_error(
         &self,
         stamp: Option<RobotTime>,
@@ -497,23 +498,23 @@ impl Robot {
         lock(&self.cross_tracks).add(generation, at_ns, error_m);
     }
 
-    /// How well it follows its path, by generation.
+    /// Returns its cross-track errors, by generation.
     pub fn cross_tracks(&self) -> BTreeMap<Generation, CrossTrack> {
         lock(&self.cross_tracks).all().clone()
     }
 
-    /// What of that has changed since this was last asked.
+    /// Returns the cross-track errors that have changed since the last call.
     pub fn unsaved_cross_tracks(&self) -> Vec<(Generation, CrossTrack)> {
         lock(&self.cross_tracks).take_unsaved()
     }
 
-    /// Goes on from what was stored.
+    /// Restores stored cross-track errors.
     pub fn restore_cross_tracks(&self, stored: BTreeMap<Generation, CrossTrack>) {
         *lock(&self.cross_tracks) = CrossTracks::of(stored);
     }
 
-    /// The generation to be verified, and since when it is in use by the agent's clock; `None`
-    /// while messages wait that came before the robot said so.
+    /// Returns the generation in verification, and the start of its use by the agent's clock;
+    /// `None` while messages wait that came before the robot's report.
     pub fn in_verification(&self) -> Option<(Generation, RobotTime)> {
         let status = lock(&self.status);
         status
@@ -522,7 +523,7 @@ impl Robot {
             .filter(|_| status.used.unheard == 0)
     }
 
-    /// Takes an estimate of the generation in verification.
+    /// Sets an estimate of the generation in verification.
     pub fn set_fresh(&self, generation: Generation, estimate: Arc<EstimateDocument>) {
         let mut status = lock(&self.status);
         if status
@@ -534,7 +535,7 @@ impl Robot {
         }
     }
 
-    /// Counts a restart of the estimator and says how many there were.
+    /// Counts a restart of the estimator and returns the number of restarts.
     pub fn count_restart(&self) -> u32 {
         let mut status = lock(&self.status);
         status.estimator_restarts = status.estimator_restarts.saturating_add(1);
@@ -548,7 +549,7 @@ impl Robot {
         (since < FORMER_KEY_WARNED_FOR).then(|| Warning::former_key(key))
     }
 
-    /// The robot as the rest of the service sees it.
+    /// Returns the view of the robot for the rest of the service.
     pub fn view(&self, clock: &dyn Clock) -> RobotView {
         let stale = self.is_stale(clock);
         let topics = Arc::clone(&lock(&self.link).topics);

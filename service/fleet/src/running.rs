@@ -12,7 +12,7 @@ use crate::robot::Robot;
 use crate::task::RobotTask;
 use crate::tenancy::{Keep, Running};
 
-/// Begins the task of a robot, which goes on from what was stored.
+/// Begins the task of a robot, which continues from a stored state.
 pub fn begin(fleet: &Arc<Fleet>, robot: Arc<Robot>, stored: Option<Vec<u8>>) -> Running {
     let (leave, told) = watch::channel(None);
     let ended = fleet
@@ -21,7 +21,7 @@ pub fn begin(fleet: &Arc<Fleet>, robot: Arc<Robot>, stored: Option<Vec<u8>>) -> 
     Running::new(leave, ended)
 }
 
-/// Runs until the fleet stops or the robot is another instance's, and the mailbox is empty.
+/// Runs until the fleet stops or another instance takes over the robot, and the mailbox is empty.
 async fn run(
     fleet: Arc<Fleet>,
     robot: Arc<Robot>,
@@ -67,8 +67,8 @@ async fn run(
 }
 
 impl RobotTask {
-    /// Waits for the next round, or for what does not wait for it; after some rounds without a
-    /// message, for the next message.
+    /// Waits for the next round, or for an item that does not wait for it; after some rounds
+    /// without a message, for the next message.
     async fn next_round(&self, idle_rounds: u32) {
         if idle_rounds > TASK_IDLE_ROUNDS {
             self.robot.mailbox.arrived().await;
@@ -82,9 +82,9 @@ impl RobotTask {
         }
     }
 
-    /// The next instance hears the robot for [`CLUSTER_OVERLAP`] before. What a robot sent last that
-    /// has been silent for half of that may be older: it leaves the merger, as at the end of a
-    /// session.
+    /// Flushes the merger, as at the end of a session, for a robot that has been silent for half of
+    /// [`CLUSTER_OVERLAP`]. The next instance receives the robot only for that long before it
+    /// begins, so the last messages of a silent robot may be older.
     fn let_out_what_nobody_else_heard(&mut self) {
         let quiet = self.robot.quiet_for(&*self.fleet.clock);
         if quiet.is_some_and(|quiet| quiet >= CLUSTER_OVERLAP / 2) {

@@ -14,33 +14,35 @@ use std::f64::consts::TAU;
 use fleetcal_estimator::RobotTime;
 use fleetcal_model::Stream;
 
-/// Messages of one stream whose origins are looked at: of wheel odometry, two seconds.
+/// Messages of one stream whose origins are compared: for wheel odometry, two seconds.
 const TURNS_WINDOW: usize = 200;
-/// How often origins go on after another one among these, from which on there are two senders: by
-/// messages that are newer than all before, which a robot sends over its latest connection alone.
+/// Returns of an origin after another one, among the messages of the window, from which on there
+/// are two senders. Only messages newer than all before count, which a robot sends over its latest
+/// connection alone.
 const RETURNS_MIN: usize = 5;
-/// The same by messages of any stamp, once so many came that a slower bridge has brought the same: some
-/// may have been on their way when a robot connected again.
+/// Same limit for messages of any stamp, after as many as a slower bridge would have repeated: some
+/// may have been in flight when a robot connected again.
 const LATE_RETURNS_MIN: usize = 30;
-/// Steering angles of one stream that are looked at.
+/// Steering angles of one stream that are compared.
 const ANGLES_WINDOW: usize = 20;
-/// Least distance of two rows of angles, rad.
+/// Least distance of two series of angles, rad.
 const ROWS_APART_RAD: f64 = 0.1;
-/// A row is smooth when its steps are no longer than this share of the distance to the other row.
+/// Largest share of the distance to the other series that the steps of a smooth series may have.
 const SMOOTH_SHARE: f64 = 0.25;
-/// How often the angle changes between the rows within the window, from which on there are two.
+/// Changes between the series within the window from which on there are two senders.
 const CHANGES_MIN: u32 = 8;
-/// Messages without a sign of two senders, after which there is one again.
+/// Messages without a sign of two senders after which there is one again.
 const CALM_MESSAGES: u32 = 400;
-/// The same where the angles told, which they do not while both drive straight ahead.
+/// Same limit after a detection by angles, which show nothing while both robots drive straight
+/// ahead.
 const CALM_MESSAGES_BY_ANGLES: u32 = 4_000;
-/// Messages of one stream by whose stamps the missing ones are counted.
+/// Messages of one stream whose stamps serve to count the missing ones.
 const STEPS_WINDOW: usize = 20;
-/// A longer pause is one, ns: a robot that stopped sending has lost nothing.
+/// Shortest pause that counts as one, ns: a robot that stopped sending has lost nothing.
 const PAUSE_NS: i64 = 10_000_000_000;
 
-/// Connection that a message came by, as long as that lasts, and its publisher, where the message
-/// names one.
+/// Connection that a message came by, while it lasts, and its publisher, where the message names
+/// one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Origin(pub u64);
 
@@ -53,17 +55,17 @@ pub struct Sent {
     pub content: u64,
     /// Origin, where that is known.
     pub origin: Option<Origin>,
-    /// Steering angle that it says, rad.
+    /// Steering angle in the message, rad.
     pub steering_rad: Option<f64>,
 }
 
-/// A message and where it came from.
+/// Message and its origin.
 #[derive(Debug, Clone, Copy)]
 struct Brought {
     stamp: RobotTime,
     content: u64,
     origin: Origin,
-    /// True if another origin brought the same.
+    /// True if another origin sent the same message.
     is_shared: bool,
 }
 
@@ -74,7 +76,7 @@ struct Turns {
 }
 
 impl Turns {
-    /// Takes a message; whether origins take turns.
+    /// Adds a message; returns whether origins take turns.
     fn take(&mut self, sent: &Sent, origin: Origin) -> bool {
         let mut message = Brought {
             stamp: sent.stamp,
@@ -124,7 +126,7 @@ impl Turns {
     }
 }
 
-/// How often an origin goes on after another one.
+/// Counts the returns of an origin after another one.
 fn returns<'m>(messages: impl Iterator<Item = &'m Brought>) -> usize {
     let (mut last, mut known, mut returns) = (None, Vec::new(), 0);
     for message in messages {
@@ -145,7 +147,7 @@ struct Angles {
 }
 
 impl Angles {
-    /// Takes an angle; whether the latest are two rows.
+    /// Adds an angle; returns whether the latest ones form two series.
     fn take(&mut self, angle_rad: f64) -> bool {
         self.latest.push_back(angle_rad);
         if self.latest.len() <= ANGLES_WINDOW {
@@ -189,7 +191,7 @@ impl Angles {
     }
 }
 
-/// How far two directions of a wheel are apart, rad: a whole turn is none.
+/// Returns the angle between two directions of a wheel, rad; a whole turn counts as zero.
 fn apart_rad(a: f64, b: f64) -> f64 {
     let turned = (a - b).rem_euclid(TAU);
     turned.min(TAU - turned)
@@ -209,7 +211,8 @@ impl Stamps {
         }
     }
 
-    /// How many messages are missing before the newest, by the usual step of those before it.
+    /// Returns the number of messages missing before the newest, by the usual step of those before
+    /// it.
     fn missing(&self) -> u64 {
         if self.latest.len() < STEPS_WINDOW {
             return 0;
@@ -237,7 +240,8 @@ struct Latest {
 }
 
 impl Latest {
-    /// Takes a message; for how many messages from now on there are two senders by it.
+    /// Adds a message; returns the number of messages from now on that count as sent by two
+    /// senders.
     fn take(&mut self, sent: &Sent) -> u32 {
         self.stamps.take(sent.stamp);
         let turns = sent
@@ -255,17 +259,17 @@ impl Latest {
     }
 }
 
-/// What a robot's messages say of its senders.
+/// Detector of two senders, from a robot's messages.
 #[derive(Debug, Default)]
 pub struct Senders {
     latest: [Latest; Stream::COUNT],
-    /// Messages until there is one sender again, unless a sign of two comes before; 0 while there is
-    /// one.
+    /// Messages until there is one sender again, unless another sign of two comes before; 0 while
+    /// there is one.
     calm_after: u32,
 }
 
 impl Senders {
-    /// Takes a message; whether two senders use the id.
+    /// Adds a message; returns whether two senders use the id.
     pub fn take(&mut self, stream: Stream, sent: &Sent) -> bool {
         if stream != Stream::Event
             && let Some(latest) = self.latest.get_mut(stream.index())
@@ -276,7 +280,7 @@ impl Senders {
         self.are_two()
     }
 
-    /// How many messages of a stream are missing before the one that was taken last.
+    /// Returns the number of messages of a stream missing before the last one.
     pub fn missing(&self, stream: Stream) -> u64 {
         let latest = self.latest.get(stream.index());
         latest
@@ -284,7 +288,7 @@ impl Senders {
             .map_or(0, |latest| latest.stamps.missing())
     }
 
-    /// Whether two senders use the id.
+    /// True if two senders use the id.
     pub const fn are_two(&self) -> bool {
         self.calm_after > 0
     }

@@ -12,54 +12,54 @@ use crate::notes::NotesTaken;
 use crate::packed::{self, Unreadable};
 use crate::verification_run::{StoredRun, VerificationRun};
 
-/// What is stored of a robot's task. One whose estimator is configured otherwise by now begins from
-/// nothing. What former versions did not store is absent in theirs.
+/// Stored state of a robot's task. It is ignored if the estimator's configuration has changed
+/// since. Fields that former versions did not store are absent in their states.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Stored {
-    /// What the estimators were made with.
+    /// Configuration of the estimators.
     pub config: StoredConfig,
     /// The robot's own estimator.
     pub calibrator: Checkpoint,
-    /// Whether a change was seen and the new values are not known yet.
+    /// True if a change was detected and the new values are not known yet.
     #[serde(default)]
     pub changed: bool,
-    /// How long the estimate has stood still.
+    /// Candidate for a proposal, with the time for which the estimate has been stable.
     #[serde(default)]
     pub candidate: Candidate,
-    /// The estimator of values in verification.
+    /// The verification run.
     #[serde(default)]
     pub verification_run: Option<StoredRun>,
-    /// Which notes the estimator has taken; absent in states of former versions.
+    /// Notes that the estimator has processed; absent in states of former versions.
     #[serde(default)]
     pub notes: Option<NotesTaken>,
 }
 
 impl Stored {
-    /// As the store keeps it.
+    /// Packs the state for the store.
     ///
     /// # Errors
-    /// When it cannot be packed.
+    /// The state cannot be packed.
     pub fn to_bytes(&self) -> Result<Vec<u8>, Unreadable> {
         packed::pack(self)
     }
 }
 
-/// The configuration of estimators, as the version that stored it had it.
+/// Configuration of estimators in the form of the version that stored it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StoredConfig {
     vehicle: Vehicle,
     nominal_lidar_in_base: Option<Pose2>,
     settings: Value,
-    /// What the robot's numbers meant; former versions did not say.
+    /// Meaning of the robot's numbers; absent in states of former versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     signals: Option<Signals>,
 }
 
 impl StoredConfig {
-    /// This configuration, to be stored.
+    /// Makes the stored form of a configuration.
     ///
     /// # Errors
-    /// When it cannot be written as JSON.
+    /// The settings cannot be written as JSON.
     pub fn of(basis: &Basis) -> Result<Self, Unreadable> {
         let config = &basis.calibrator;
         Ok(Self {
@@ -70,8 +70,9 @@ impl StoredConfig {
         })
     }
 
-    /// Whether an estimator of this configuration goes on from the state. Settings that only one of the two
-    /// versions knows do not count: instances of both may serve while a cluster is upgraded.
+    /// True if an estimator of this configuration can continue from the state. Settings that only
+    /// one of the two versions knows are ignored: instances of both may serve while a cluster is
+    /// upgraded.
     fn agrees_with(&self, basis: &Basis) -> bool {
         let config = &basis.calibrator;
         let signals = self.signals.as_ref();
@@ -82,7 +83,7 @@ impl StoredConfig {
     }
 }
 
-/// Whether settings are equal in all fields that both have.
+/// True if settings are equal in all fields that both have.
 fn agree(stored: &Value, own: &Value) -> bool {
     match (stored, own) {
         (Value::Object(stored), Value::Object(own)) => stored
@@ -94,31 +95,31 @@ fn agree(stored: &Value, own: &Value) -> bool {
     }
 }
 
-/// The part of a stored state that is the robot's estimator, which is equal to the bit where two
-/// estimators were; `None` of bytes that this version cannot read. The rest also depends on when
-/// somebody looked at the estimate.
+/// Extracts the robot's estimator from a stored state, equal to the bit where two estimators were;
+/// `None` if this version cannot read the bytes. The rest also depends on when somebody looked at
+/// the estimate.
 pub fn estimator_of(stored: &[u8]) -> Option<Vec<u8>> {
     let stored: Stored = packed::unpack(stored).ok()?;
     packed::pack(&stored.calibrator).ok()
 }
 
-/// What a robot's task begins with.
+/// State that a robot's task begins with.
 #[derive(Debug)]
 pub struct Restored {
     /// The robot's own estimator.
     pub calibrator: Calibrator,
-    /// Whether a change was seen and the new values are not known yet.
+    /// True if a change was detected and the new values are not known yet.
     pub changed: bool,
-    /// How long the estimate has stood still.
+    /// Candidate for a proposal, with the time for which the estimate has been stable.
     pub candidate: Candidate,
-    /// The estimator of values in verification.
+    /// The verification run.
     pub verification_run: Option<VerificationRun>,
-    /// Which notes it has taken, where that is known.
+    /// Notes that it has processed, where they are known.
     pub notes: Option<NotesTaken>,
 }
 
 impl Restored {
-    /// The beginning of a robot of which nothing is known.
+    /// Makes the initial state of an unknown robot.
     pub fn nothing(config: &CalibratorConfig) -> Self {
         Self {
             calibrator: Calibrator::new(config.clone()),
@@ -130,8 +131,8 @@ impl Restored {
     }
 }
 
-/// What was stored as `bytes`; `None`, which is logged, when they cannot be read or are of an
-/// estimator with another configuration.
+/// Restores a state from `bytes`; returns `None`, and logs it, if they cannot be read or belong to
+/// an estimator of another configuration.
 pub fn restore(robot: &RobotId, basis: &Basis, bytes: &[u8]) -> Option<Restored> {
     let stored: Stored = match packed::unpack(bytes) {
         Ok(stored) => stored,

@@ -16,27 +16,27 @@ use tokio::sync::mpsc;
 
 use crate::words::word;
 
-/// One thing that happened.
+/// Item of a session that is being recorded.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Tapped {
-    /// A message of the robot that was taken.
+    /// A message of the robot that was processed.
     Message {
         /// Its header stamp.
         stamp: RobotTime,
-        /// What it is.
+        /// Its topic and type.
         topic: RecordingTopic,
-        /// Its bytes.
+        /// Payload.
         payload: Arc<[u8]>,
     },
-    /// Where the rear axle was, in the filter's odometry frame.
+    /// Pose of the rear axle in the filter's odometry frame.
     Pose(RobotTime, Pose2),
-    /// What is known now.
+    /// The new estimate.
     Estimate(Arc<EstimateDocument>),
     /// A change or fault.
     Change(ChangeDocument),
-    /// What else happened, in words.
+    /// Another event, in words.
     Event {
-        /// When, ns since 1970 by the robot's clock.
+        /// Its time, ns since 1970 by the robot's clock.
         stamp_ns: RobotTime,
         /// The words.
         words: String,
@@ -44,12 +44,12 @@ pub enum Tapped {
 }
 
 impl Tapped {
-    /// What a person or tool has noted.
+    /// Makes the item of a note of a person or tool.
     pub fn of_note(note: &RobotEvent) -> Self {
         Self::in_words(note.stamp_ns, &word(&note.kind), &note.note)
     }
 
-    /// What the service says of the robot.
+    /// Makes the item of an event of the service about the robot.
     pub fn of_service_event(event: &ServiceEvent) -> Self {
         Self::in_words(event.stamp_ns, &word(&event.kind), &event.note)
     }
@@ -62,7 +62,7 @@ impl Tapped {
         Self::Event { stamp_ns, words }
     }
 
-    /// How much of the room for payloads it takes.
+    /// Returns the size that it takes of the room for payloads.
     fn bytes(&self) -> usize {
         match self {
             Self::Message { payload, .. } => payload.len(),
@@ -71,12 +71,12 @@ impl Tapped {
     }
 }
 
-/// What a reader and the robot's task count together.
+/// Counters that a reader and the robot's task share.
 #[derive(Debug, Default)]
 struct Counts {
     /// Bytes of payloads that wait for the reader.
     waiting_bytes: AtomicUsize,
-    /// What it missed.
+    /// Items that it missed.
     left_out: AtomicU64,
 }
 
@@ -101,16 +101,16 @@ impl Tap {
     }
 }
 
-/// Those who record a robot.
+/// Readers that record a robot.
 #[derive(Debug, Default)]
 pub struct Taps {
     open: Mutex<Vec<Tap>>,
-    /// How many there are, to know without the lock.
+    /// Number of readers, to be read without the lock.
     count: AtomicUsize,
 }
 
 impl Taps {
-    /// A new reader of all that comes from now on.
+    /// Opens a reader of all items from now on.
     pub fn open(&self) -> TapReader {
         let (sender, items) = mpsc::channel(limits::RECORDING_WAITING_MAX);
         let counts = Arc::new(Counts::default());
@@ -125,19 +125,19 @@ impl Taps {
         TapReader { items, counts }
     }
 
-    /// Ends all readers after what waits: the robot is another instance's.
+    /// Ends all readers after the waiting items, because another instance takes over the robot.
     pub fn end(&self) {
         let mut open = self.lock();
         open.clear();
         self.count.store(0, Ordering::Release);
     }
 
-    /// Whether anybody reads.
+    /// True if there is a reader.
     pub fn is_open(&self) -> bool {
         self.count.load(Ordering::Acquire) > 0
     }
 
-    /// Hands on what `item` gives, which is asked for only when somebody reads.
+    /// Passes on the result of `item`, which is called only if there is a reader.
     pub fn offer(&self, item: impl FnOnce() -> Option<Tapped>) {
         if !self.is_open() {
             return;
@@ -153,13 +153,14 @@ impl Taps {
         }
     }
 
-    /// The list is whole after every statement, so the panic of another thread is no reason to stop.
+    /// Locks the list. It is whole after every statement, so the panic of another thread is no
+    /// reason to stop.
     fn lock(&self) -> MutexGuard<'_, Vec<Tap>> {
         self.open.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Reads along. To drop it is to stop.
+/// Reader of a robot's session; dropping it ends the reading.
 #[derive(Debug)]
 pub struct TapReader {
     items: mpsc::Receiver<Tapped>,
@@ -167,8 +168,8 @@ pub struct TapReader {
 }
 
 impl TapReader {
-    /// The next thing that happened; `None` after [`Self::close`] and what waited
-    /// then, and once the robot is another instance's.
+    /// Returns the next item; `None` after [`Self::close`] and the items that waited then, and once
+    /// another instance has the robot.
     pub async fn next(&mut self) -> Option<Tapped> {
         let item = self.items.recv().await?;
         let bytes = item.bytes();
@@ -178,12 +179,12 @@ impl TapReader {
         Some(item)
     }
 
-    /// Takes nothing further but what waits.
+    /// Accepts no further items; those that wait remain.
     pub fn close(&mut self) {
         self.items.close();
     }
 
-    /// How many things were missed.
+    /// Returns the number of missed items.
     pub fn left_out(&self) -> u64 {
         self.counts.left_out.load(Ordering::Relaxed)
     }

@@ -42,7 +42,7 @@ use crate::top_view;
 use crate::verification_run::VerificationRun;
 use heard::Known;
 
-/// The parameters that have to be known for a robot to be called calibrated.
+/// Parameters that have to be known before a robot counts as calibrated.
 const CALIBRATED: [Parameter; 4] = [
     Parameter::SteeringOffset,
     Parameter::LidarX,
@@ -50,12 +50,12 @@ const CALIBRATED: [Parameter; 4] = [
     Parameter::LidarYaw,
 ];
 
-/// What the estimator is doing.
+/// State of the estimator.
 #[derive(Debug)]
 enum Engine {
-    /// It works.
+    /// Running.
     Running(Box<Calibrator>),
-    /// It failed too often.
+    /// Stopped, because it failed too often.
     Stopped,
 }
 
@@ -68,31 +68,31 @@ pub struct RobotTask {
     reading: ReadingSettings,
     intake: Intake,
     rear_axle_in_base_link: Option<Mount>,
-    /// What the estimate rests on.
+    /// Basis of the estimate.
     basis: Basis,
     engine: Engine,
-    /// The last state that was stored, to go on from after a panic.
+    /// Last stored state, the restart point after a panic.
     pub(crate) last_good: Option<Checkpoint>,
-    /// The one before that: when two senders are told apart, the last may hold something of both.
+    /// State before that one: when two senders are detected, the last may contain data of both.
     earlier_good: Option<Checkpoint>,
-    /// Whether one sender uses the robot's id.
+    /// Detector of two senders that use the robot's id.
     senders: Senders,
     budgets: HistoryBudgets,
     checkpointed: Option<RobotTime>,
-    /// When the manoeuvres were ranked last.
+    /// Time of the last ranking of manoeuvres.
     advised: Option<RobotTime>,
     newest: RobotTime,
-    /// The last pose of the rear axle that was handed to those who record.
+    /// Last pose of the rear axle that was passed to the readers.
     tapped_pose: LatestPose,
-    /// The top view that was asked for last, and the newest message then.
+    /// Last top view that was requested, and the newest message at that time.
     top_view: Option<(RobotTime, Arc<TopView>)>,
-    /// Whether a change was seen and the new values are not known yet.
+    /// True if a change was detected and the new values are not known yet.
     changed: bool,
-    /// What proves the values that the robot has begun to use.
+    /// Verification run of the values that the robot has begun to use.
     verification_run: Option<VerificationRun>,
-    /// What of the messages that were heard before is known already.
+    /// Early messages that the restored state covers.
     known: Option<Known>,
-    /// Which notes the estimator has taken.
+    /// Notes that the estimator has processed.
     notes: NotesTaken,
 }
 
@@ -150,7 +150,7 @@ impl RobotTask {
         task
     }
 
-    /// Shows the estimate that was restored before the robot sends anything.
+    /// Shows the restored estimate before the robot sends anything.
     fn show_restored(&self, candidate: Candidate) {
         let Engine::Running(calibrator) = &self.engine else {
             return;
@@ -247,8 +247,8 @@ impl RobotTask {
         }
     }
 
-    /// Whether two senders use the robot's id at once: then nothing of either is used, and what was
-    /// learnt while they were not told apart yet is given up.
+    /// True if two senders use the robot's id at once: then the messages of both are dropped, and
+    /// everything learnt before they were told apart is discarded.
     fn is_of_two_senders(&mut self, stream: Stream, taken: &Taken, origin: Option<Origin>) -> bool {
         let were_two = self.senders.are_two();
         let sent = Sent {
@@ -273,7 +273,7 @@ impl RobotTask {
         are_two
     }
 
-    /// What a session calls a stream; `None` of what is no ROS 2 message.
+    /// Returns the topic of a stream in a recording; `None` for messages that are not of ROS 2.
     fn recording_topic(&self, stream: Stream, form: Form) -> Option<RecordingTopic> {
         let name = self.intake.topic(stream).unwrap_or(stream.name());
         Some(RecordingTopic {
@@ -313,7 +313,7 @@ impl RobotTask {
         Outcome::Processed { stamp_ns: stamp }
     }
 
-    /// Ranks what the robot should drive next, and says what looks wrong.
+    /// Ranks the manoeuvres that the robot should drive next, and updates the warnings.
     fn advise(&self) {
         self.warn();
         if let Engine::Running(calibrator) = &self.engine {
@@ -321,7 +321,7 @@ impl RobotTask {
         }
     }
 
-    /// Draws up the robot's top view for those who have asked.
+    /// Draws the robot's top view for the waiting requests.
     pub(crate) fn answer_top_view_askers(&mut self) {
         let askers = self.robot.top_view_askers.take();
         if askers.is_empty() {
@@ -385,7 +385,7 @@ impl RobotTask {
         }
     }
 
-    /// What the sensor measured, where the robot takes off what it compensates with.
+    /// Restores the sensor's values where the robot compensates before it sends.
     fn raw(&self, event: Event) -> Result<Event, String> {
         let Event::WheelOdometry(sample) = &event else {
             return Ok(event);
@@ -405,7 +405,8 @@ impl RobotTask {
             .map_err(|refused| refused.to_string())
     }
 
-    /// Feeds the estimator, and the one of the values in verification. `false` when it is stopped, or failed on this event.
+    /// Feeds the estimator and the verification run. Returns `false` if the estimator is stopped,
+    /// or failed on this event.
     pub(crate) fn step(&mut self, event: Event) -> bool {
         let scanner = || match &self.engine {
             Engine::Running(calibrator) => Some(calibrator.learnt_scanner()),
@@ -439,7 +440,7 @@ impl RobotTask {
         true
     }
 
-    /// Hands on where the rear axle is, when that is new.
+    /// Passes a new pose of the rear axle to the readers.
     fn tap_pose(&mut self) {
         let Engine::Running(calibrator) = &self.engine else {
             return;
@@ -449,7 +450,7 @@ impl RobotTask {
         }
     }
 
-    /// Does what the estimator asks for. `false` when what it says is no estimate.
+    /// Performs an effect of the estimator. Returns `false` if its estimate is invalid.
     fn perform(&mut self, effect: Effect) -> bool {
         match effect {
             Effect::Estimate(estimate) => {
@@ -485,7 +486,7 @@ impl RobotTask {
         true
     }
 
-    /// Says where the LiDAR is in the vehicle's own frame, where that is configured.
+    /// Adds the LiDAR's pose in the vehicle's own frame, where that is configured.
     fn place_in_base_link(&self, document: &mut EstimateDocument) {
         let rear_axle = self.rear_axle_in_base_link.as_ref();
         document.lidar_in_base_link =
@@ -528,7 +529,7 @@ impl RobotTask {
         self.record_service_event(ServiceEventKind::EstimatorRestarted, self.newest, note);
     }
 
-    /// Goes on from a state, or from nothing when there is none that can be used.
+    /// Continues from a state, or from nothing in the absence of a usable one.
     fn begin_from(&mut self, checkpoint: Option<Checkpoint>) {
         let restored = checkpoint.and_then(|checkpoint| {
             Calibrator::restore(self.basis.calibrator.clone(), &checkpoint).ok()
@@ -551,7 +552,7 @@ impl RobotTask {
     }
 }
 
-/// Where a robot stands by its estimate.
+/// Returns a robot's state by its estimate.
 fn state_of(document: &EstimateDocument, changed: bool) -> RobotState {
     let known = CALIBRATED.iter().all(|&name| {
         use ParameterStatus as S;

@@ -4,43 +4,43 @@ use fleetcal_model::RobotId;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
-/// What is kept of a robot that another instance gets.
+/// State that is kept of a robot that another instance adopts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Keep {
-    /// What waits is worked through, and the estimator's state is stored.
+    /// The waiting items are processed, and the estimator's state is stored.
     State,
-    /// Nothing: another instance has the robot already.
+    /// Nothing: another instance estimates the robot already.
     Nothing,
 }
 
-/// Whether a robot has a task.
+/// Task of a robot, if any.
 #[derive(Debug, Default)]
 pub enum Tenancy {
-    /// It has none.
+    /// There is no task.
     #[default]
     None,
-    /// It is to have one that goes on from this, once its configuration is known.
+    /// A task is to begin from this state, once the robot's configuration is known.
     Awaited(Option<Vec<u8>>),
-    /// It has one.
+    /// There is a task.
     Running(Running),
 }
 
 /// A robot's task.
 #[derive(Debug)]
 pub struct Running {
-    /// Tells it to end.
+    /// Channel that ends it.
     leave: watch::Sender<Option<Keep>>,
     ended: JoinHandle<()>,
 }
 
 impl Running {
-    /// A task that ends once it is told by `leave`.
+    /// Makes the handle of a task that ends on a value of `leave`.
     pub const fn new(leave: watch::Sender<Option<Keep>>, ended: JoinHandle<()>) -> Self {
         Self { leave, ended }
     }
 
-    /// Ends the task of `robot`; it has ended when this returns. The mailbox has to be closed
-    /// before, and woken by `wake`.
+    /// Ends the task of `robot`, which has ended on return. The mailbox has to be closed before,
+    /// and woken by `wake`.
     pub async fn end(self, robot: &RobotId, keep: Keep, wake: impl FnOnce()) {
         self.leave.send_replace(Some(keep));
         wake();

@@ -35,13 +35,13 @@ use crate::live::LiveUpdate;
 /// Message time at which the tests begin, ns since 1970.
 const BEGIN_NS: i64 = 1_700_000_000_000_000_000;
 
-/// Keeps what it is told.
+/// Journal that keeps everything in memory.
 #[derive(Debug, Default)]
 struct Kept {
     history: Mutex<Vec<Arc<EstimateDocument>>>,
     events: Mutex<Vec<(RobotId, Arc<HistoryEvent>)>>,
     checkpoints: Mutex<BTreeMap<RobotId, Vec<u8>>>,
-    /// When checkpoints were stored, by the stamps of messages.
+    /// Stamps of the newest messages when checkpoints were stored.
     checkpointed: Mutex<Vec<RobotTime>>,
 }
 
@@ -177,7 +177,7 @@ impl Bench {
         panic!("{robot} shows no estimate");
     }
 
-    /// Returns once the estimator has taken the notes up to a number.
+    /// Returns once the estimator has processed the notes up to a number.
     async fn noted(&self, robot: &str, number: AuditId) {
         for _ in 0..2_000 {
             if self.fleet.notes_taken(&id(robot)) >= Some(number) {
@@ -500,7 +500,7 @@ async fn a_compensated_robot_is_not_estimated_from_half_the_truth() {
     clippy::needless_pass_by_value,
     reason = "has the signature of what it takes the place of"
 )]
-/// Takes the place of an estimator: says what steering it was fed as its steering offset.
+/// Replaces the estimator's step: publishes the received steering angle as the steering offset.
 fn telling(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
     let Event::WheelOdometry(sample) = event else {
         return Vec::new();

@@ -6,10 +6,10 @@ use fleetcal_domain::limits;
 use fleetcal_estimator::calibrator::{TopView, TopViewLimits};
 use tokio::sync::oneshot;
 
-/// Those who ask again within this much message time get the same view, s.
+/// Message time for which repeated requests get the same view, s.
 pub const EVERY_S: f64 = limits::TOP_VIEW_EVERY_S;
 
-/// What of a robot's surroundings is shown.
+/// Limits of the shown surroundings.
 pub const LIMITS: TopViewLimits = TopViewLimits {
     reach_m: limits::TOP_VIEW_REACH_M,
     surfaces_max: limits::TOP_VIEW_SURFACES_MAX,
@@ -17,18 +17,18 @@ pub const LIMITS: TopViewLimits = TopViewLimits {
     trajectory_points_max: limits::TOP_VIEW_TRAJECTORY_POINTS_MAX,
 };
 
-/// What an asker is told: nothing while nothing is known.
+/// Answer to a request: nothing while nothing is known.
 pub type Answer = Option<Arc<TopView>>;
 
-/// Those who have asked for a robot's top view and wait.
+/// Waiting requests for a robot's top view.
 #[derive(Debug, Default)]
 pub struct TopViewAskers {
     waiting: Mutex<Vec<oneshot::Sender<Answer>>>,
 }
 
 impl TopViewAskers {
-    /// Waits for the view; `None` when [`limits::TOP_VIEW_ASKERS_MAX`] others wait. An answer that
-    /// never comes is closed.
+    /// Queues a request for the view; `None` if [`limits::TOP_VIEW_ASKERS_MAX`] others wait. A
+    /// request that will not be answered has its channel closed.
     pub fn ask(&self) -> Option<oneshot::Receiver<Answer>> {
         let mut waiting = self.lock();
         waiting.retain(|asker| !asker.is_closed());
@@ -40,12 +40,13 @@ impl TopViewAskers {
         Some(answer)
     }
 
-    /// Those who wait; to drop them is to tell them that nothing will come.
+    /// Removes and returns the waiting requests; dropping one closes its channel.
     pub fn take(&self) -> Vec<oneshot::Sender<Answer>> {
         std::mem::take(&mut *self.lock())
     }
 
-    /// The list is whole after every statement, so the panic of another thread is no reason to stop.
+    /// Locks the list. It is whole after every statement, so the panic of another thread is no
+    /// reason to stop.
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<oneshot::Sender<Answer>>> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -23,11 +23,11 @@ use super::document;
 use super::robot::Robot;
 use fleetcal_domain::limits::IN_FLIGHT_S;
 
-/// From where on messages count.
+/// Start of the messages that count.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Start {
-    /// No message has come since the acknowledgement.
+    /// Open: no message has come since the acknowledgement.
     Open,
     /// Messages before this stamp may have been sent before the acknowledgement.
     At(RobotTime),
@@ -36,7 +36,7 @@ enum Start {
 }
 
 impl Start {
-    /// The start after a message: it counts when that is [`Start::Begun`].
+    /// Returns the start after a message, which counts if the result is [`Start::Begun`].
     fn after(self, stamp: RobotTime) -> Self {
         let later = || {
             Self::At(RobotTime(
@@ -62,7 +62,7 @@ pub struct VerificationRun {
     calibrator: Box<Calibrator>,
 }
 
-/// A verification run as it is stored, to go on after a restart of the service.
+/// Stored verification run, to continue after a restart of the service.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct StoredRun {
     generation: Generation,
@@ -72,7 +72,7 @@ pub struct StoredRun {
 }
 
 impl VerificationRun {
-    /// What has to be stored to go on later.
+    /// Returns the state to be stored.
     pub fn to_stored(&self) -> StoredRun {
         StoredRun {
             generation: self.generation,
@@ -82,10 +82,10 @@ impl VerificationRun {
         }
     }
 
-    /// The run that was stored; it goes on if the same values are still in verification.
+    /// Restores a stored run; it continues if the same values are still in verification.
     ///
     /// # Errors
-    /// When its estimator's state is of another version.
+    /// The estimator's state belongs to another version.
     pub fn restore(
         config: &CalibratorConfig,
         stored: &StoredRun,
@@ -99,8 +99,8 @@ impl VerificationRun {
         })
     }
 
-    /// Shows what it has found so far, where that is about the values in verification: after a
-    /// restart, before the robot sends anything.
+    /// Shows the result so far, if it concerns the values in verification: after a restart, before
+    /// the robot sends anything.
     pub fn show(&self, robot: &Robot) {
         let estimate = self.calibrator.estimate();
         let is_due = robot.in_verification() == Some((self.generation, self.since));
@@ -118,8 +118,8 @@ impl VerificationRun {
         }
     }
 
-    /// Follows what is in verification: begins, with the `scanner` that the robot's own estimator has
-    /// learnt, goes on, or ends.
+    /// Follows the values in verification: begins with the `scanner` that the robot's own estimator
+    /// has learnt, continues, or ends.
     pub fn follow(
         current: Option<Self>,
         robot: &Robot,
@@ -146,7 +146,8 @@ impl VerificationRun {
             })
     }
 
-    /// Takes what the robot sent since the values are in use. `None` when the estimator failed.
+    /// Processes an event of the robot since the values are in use. Returns `None` if the estimator
+    /// failed.
     pub fn take(mut self, robot: &Robot, event: &Event) -> Option<Self> {
         if let Some(stamp) = stamp_of(event) {
             self.start = self.start.after(stamp);
@@ -186,7 +187,7 @@ mod tests {
         RobotTime((seconds * 1e9) as i64)
     }
 
-    /// The stamp of the first message that counts.
+    /// Returns the stamp of the first message that counts.
     fn first_that_counts(stamps_s: &[f64]) -> Option<f64> {
         let mut start = Start::Open;
         stamps_s.iter().copied().find(|stamp_s| {

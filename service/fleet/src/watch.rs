@@ -8,12 +8,12 @@ use tokio::time::MissedTickBehavior;
 use crate::live::LiveUpdate;
 use crate::registry::Fleet;
 
-/// How often the fleet is looked at.
+/// Interval of the checks of the fleet.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
-/// Looks in a second: rates are taken, and states announced, once a second.
+/// Checks in a second: rates are updated, and states announced, once a second.
 const LOOKS_PER_SECOND: u32 = 4;
 
-/// Looks between two rounds of storing how well robots follow their paths.
+/// Checks between two rounds of storing the robots' cross-track errors.
 const LOOKS_PER_SAVE: u32 = 40;
 
 /// Runs until the fleet stops.
@@ -43,7 +43,7 @@ fn save_cross_tracks(fleet: &Fleet) {
     }
 }
 
-/// Looks once at every robot.
+/// Checks every robot once.
 pub fn look(fleet: &Fleet, whole_second: bool) {
     let clock = &*fleet.clock;
     for robot in fleet.all() {

@@ -3,7 +3,7 @@
 use fleetcal_model::Unit;
 use fleetcal_proto::estimate::ChangeDocument;
 
-/// A change or fault in one line.
+/// Writes a change or fault in one line.
 pub fn event(event: &ChangeDocument) -> String {
     let kind = word(&event.kind);
     let cause = word(&event.cause);
@@ -25,7 +25,7 @@ pub fn event(event: &ChangeDocument) -> String {
     )
 }
 
-/// The word that documents use, with spaces.
+/// Returns the word that documents use, with spaces.
 pub fn word(value: &impl serde::Serialize) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(word)) => word.replace('_', " "),

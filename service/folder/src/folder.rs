@@ -13,15 +13,15 @@ use crate::signing_key::KEY_FILE;
 const LOCK_FILE: &str = "fleetcal.lock";
 /// Name of the database.
 const DATABASE_FILE: &str = "fleetcal.db";
-/// What SQLite calls the write-ahead log and its index, behind the database's name.
+/// Suffix of SQLite's write-ahead log, behind the database's name.
 const LOG_ENDING: &str = "-wal";
 const INDEX_ENDING: &str = "-shm";
 
-/// Mode of what only its owner can read and write.
+/// Mode of files that only their owner can read and write.
 const PRIVATE: u32 = 0o600;
 
-/// A folder that is held until this value goes. The lock is the system's, so that a killed
-/// process leaves none behind.
+/// A folder that is locked as long as this value exists. The system holds the lock, so that a
+/// killed process leaves none behind.
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
@@ -29,11 +29,11 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Makes the folder when it is missing and takes it.
+    /// Creates the folder if missing, and locks it.
     ///
     /// # Errors
-    /// [`StoreError::InUse`] when another process holds it, [`StoreError::Folder`] when it cannot
-    /// be made or used.
+    /// [`StoreError::InUse`] if another process holds it, [`StoreError::Folder`] if it cannot be
+    /// created or used.
     pub fn hold(path: &Path) -> Result<Self, StoreError> {
         let failed = |source: Error| StoreError::Folder {
             path: path.to_owned(),
@@ -59,17 +59,17 @@ impl Folder {
         }
     }
 
-    /// The database in it.
+    /// Returns the path of the database in it.
     pub fn database(&self) -> PathBuf {
         Self::database_in(&self.path)
     }
 
-    /// The database of a folder.
+    /// Returns the path of the database of a folder.
     pub fn database_in(path: &Path) -> PathBuf {
         path.join(DATABASE_FILE)
     }
 
-    /// Refuses a folder that has lost a part of what was in it: a new database beside an old signing
+    /// Refuses a folder that has lost a part of its content: a new database beside an old signing
     /// key, or an old database without its log, would pass for the whole.
     ///
     /// # Errors
@@ -103,7 +103,7 @@ impl Folder {
         Ok(())
     }
 
-    /// Makes the database its owner's alone, and an empty file for it when it is missing: SQLite
+    /// Restricts the database to its owner, and creates an empty file for it if missing: SQLite
     /// gives the log and its index the same mode.
     ///
     /// # Errors
@@ -142,8 +142,8 @@ impl Folder {
         Ok(())
     }
 
-    /// Makes the names of the files in it durable: a new database is not there after a power cut
-    /// while its folder is not synced.
+    /// Makes the names of the files in it durable: a new database is lost in a power cut while its
+    /// folder is not synced.
     ///
     /// # Errors
     /// [`StoreError::Folder`].
@@ -158,14 +158,14 @@ impl Folder {
     }
 }
 
-/// The file whose name has this ending behind a database's name.
+/// Returns the file with this suffix behind a database's name.
 fn beside(database: &Path, ending: &str) -> PathBuf {
     let mut name = database.as_os_str().to_owned();
     name.push(ending);
     PathBuf::from(name)
 }
 
-/// Makes a folder that only its owner can read, if it is not there.
+/// Creates a folder that only its owner can read, unless it exists.
 fn make(path: &Path) -> Result<(), Error> {
     if path.is_dir() {
         return Ok(());

@@ -10,7 +10,7 @@ use thiserror::Error;
 /// Name of the key's file in the data folder.
 pub const KEY_FILE: &str = "signing.key";
 
-/// Why there is no signing key.
+/// Reason for which there is no signing key.
 #[derive(Debug, Error)]
 pub enum KeyError {
     /// Its file cannot be read or written.
@@ -18,21 +18,21 @@ pub enum KeyError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         source: Error,
     },
-    /// Its file holds something else.
+    /// Its file has the wrong length.
     #[error("signing key {path}: got {length} bytes, expected 32")]
     Length {
         /// The file.
         path: PathBuf,
-        /// How long it is.
+        /// Length of the file, bytes.
         length: usize,
     },
 }
 
-/// Reads the key of a data folder, or makes one of what `draw` gives, bytes of a
-/// cryptographic random source; says whether it was made now. Only its owner can read the file.
+/// Reads the key of a data folder, or makes one from the result of `draw`, bytes of a cryptographic
+/// random source; returns whether it was made now. Only its owner can read the file.
 ///
 /// # Errors
 /// [`KeyError`].
@@ -43,7 +43,7 @@ pub fn load_or_make(
     load_or_make_at(&folder.join(KEY_FILE), draw)
 }
 
-/// The same of a key's own file.
+/// Reads or makes a key in a file of its own.
 ///
 /// # Errors
 /// [`KeyError`].
@@ -79,7 +79,7 @@ pub fn load_or_make_at(
     Ok((SigningKey::from_bytes(&secret), made))
 }
 
-/// Whole or not at all, and durable before anything is signed with it.
+/// Writes the file whole or not at all, and durably before anything is signed with it.
 fn write(path: &Path, secret: &[u8]) -> Result<(), Error> {
     let folder = path.parent().unwrap_or(Path::new("."));
     let unfinished = path.with_extension("new");

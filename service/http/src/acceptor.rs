@@ -19,14 +19,14 @@ use super::refusal::Turned;
 
 /// Wait after a failed accept, which mostly means that the process has no file left to open.
 const ACCEPT_RETRY: Duration = Duration::from_millis(100);
-/// The name of the thread.
+/// Name of the thread.
 const THREAD: &str = "http-accept";
 
-/// Listens on an address, where more connections can wait to be accepted than come at once in a
-/// flood: the system answers no further ones, and their clients ask again only after seconds.
+/// Listens on an address, with a backlog for more connections than come at once in a flood: the
+/// system does not answer further ones, and their clients retry only after seconds.
 ///
 /// # Errors
-/// When the address is in use, or cannot be listened on.
+/// The address is in use, or cannot be listened on.
 pub fn listen(address: SocketAddr) -> io::Result<TcpListener> {
     let socket = match address {
         SocketAddr::V4(_) => TcpSocket::new_v4()?,
@@ -41,13 +41,13 @@ pub fn listen(address: SocketAddr) -> io::Result<TcpListener> {
     socket.listen(limits::HTTP_BACKLOG)
 }
 
-/// A connection that was accepted, and its place.
+/// An accepted connection, and its place.
 pub(crate) type Accepted = (std::net::TcpStream, Arc<Place>);
 
 /// Begins to accept, until `stop`; then the listener is closed.
 ///
 /// # Errors
-/// When the system gives no thread.
+/// The system refuses to create a thread.
 pub(crate) fn begin(
     listener: TcpListener,
     connections: Connections,
@@ -77,8 +77,8 @@ pub(crate) fn begin(
     Ok(places)
 }
 
-/// Accepts until nobody takes the connections any more. It never waits for a place, or probes would
-/// wait behind everybody else.
+/// Accepts until the receiver of the connections is gone. It never waits for a place, or probes
+/// would wait behind all other clients.
 async fn accept_all(
     listener: &TcpListener,
     connections: &Connections,
@@ -123,14 +123,14 @@ fn admit(
     }
 }
 
-/// Breaks a connection off: nothing of it stays with the system, and its peer knows at once.
+/// Resets a connection: the system keeps nothing of it, and its peer knows at once.
 fn refuse(socket: &TcpStream) {
     if let Err(error) = socket.set_zero_linger() {
         tracing::debug!(%error, "a refused connection stays with the system for a while");
     }
 }
 
-/// Whether an accept failed because the client had gone already.
+/// True if an accept failed because the client had gone already.
 const fn is_of_peer(kind: ErrorKind) -> bool {
     matches!(
         kind,

@@ -7,18 +7,18 @@ use fleetcal_domain::limits;
 
 use crate::Throttle;
 
-/// The writes of each caller.
+/// Counters of each caller's writes.
 #[derive(Debug)]
 pub struct CallerWrites {
     writes: Mutex<Throttle>,
-    /// What was logged of refusals.
+    /// Throttle of log lines about refusals.
     logged: Mutex<Throttle>,
 }
 
-/// That a caller writes too often.
+/// Refusal of a caller that writes too often.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WritesExceeded {
-    /// The wait until as much is let through again.
+    /// Time until as many writes are admitted again.
     pub wait: Duration,
     /// True if it is to be logged: the first time, and once in a while after that.
     pub is_news: bool,
@@ -36,10 +36,10 @@ impl Default for CallerWrites {
 }
 
 impl CallerWrites {
-    /// Counts `writes` of a caller at `now`, running time: all of them or none.
+    /// Counts `writes` of a caller at running time `now`: all of them or none.
     ///
     /// # Errors
-    /// [`WritesExceeded`] when there were too many.
+    /// [`WritesExceeded`] if there were too many.
     pub fn count(&self, caller: &str, writes: u32, now: Duration) -> Result<(), WritesExceeded> {
         let counted = of(&self.writes, |throttle| {
             throttle.take_several(caller, writes, now)

@@ -10,11 +10,10 @@ use axum::http::{HeaderMap, HeaderName, header};
 use crate::instances::{InstanceAddresses, is_forwarded};
 use crate::trusted_proxies::TrustedProxies;
 
-/// The header that most proxies set.
+/// Header that most proxies set.
 static X_FORWARDED_FOR: HeaderName = HeaderName::from_static("x-forwarded-for");
 
-/// The address that a request comes from: behind trusted proxies the client's, else the
-/// connection's.
+/// Address of a request's client: forwarded by trusted proxies, else the connection's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PeerAddress(pub Option<IpAddr>);
 
@@ -27,7 +26,8 @@ impl<S: Send + Sync> FromRequestParts<S> for PeerAddress {
 }
 
 impl PeerAddress {
-    /// What is counted under. A network of IPv6 is one site's, which has many addresses.
+    /// Returns the key for counting. An IPv6 address counts by its network, which belongs to one
+    /// site with many addresses.
     pub fn key(self) -> String {
         match self.0.map(|address| address.to_canonical()) {
             None => "unknown".to_owned(),
@@ -39,17 +39,17 @@ impl PeerAddress {
         }
     }
 
-    /// What a name at this address is counted under: no name has a line break.
+    /// Returns the key for counting a name at this address; names have no line breaks.
     pub fn with_name(self, name: &str) -> String {
         format!("{}\n{name}", self.key())
     }
 
-    /// The address that a request comes from, whose connection comes from `self`: the last hop
-    /// that is no trusted proxy and, of a request that an instance passes on, no other instance.
-    /// Without these headers say nothing.
+    /// Returns the address of a request's client, for a connection from `self`: the last hop that
+    /// is neither a trusted proxy nor, for a request that an instance forwards, another instance.
+    /// From any other sender these headers are ignored.
     ///
-    /// Proxies append to one header and pass the other on as the client sent it. Where both are
-    /// given and differ, nobody can tell which is the proxy's: then it is the proxy's address.
+    /// Proxies append to one header and pass the other on as the client sent it. If both are given
+    /// and differ, the proxy's cannot be identified: then it is the proxy's address.
     pub(crate) fn behind(
         self,
         headers: &HeaderMap,
@@ -73,8 +73,8 @@ impl PeerAddress {
     }
 }
 
-/// The last address that is no trusted proxy. Behind an entry without an address, which may be
-/// anybody's invention, it is the hop that sent it.
+/// Returns the last address that is not a trusted proxy. Behind an entry without an address, which
+/// may be forged, it is the hop that sent it.
 fn last_untrusted(
     proxy: IpAddr,
     hops: &[Option<IpAddr>],
@@ -91,7 +91,8 @@ fn last_untrusted(
     last
 }
 
-/// The addresses in a header, in the order in which they were appended; `None` without the header.
+/// Returns the addresses in a header, in the order in which they were appended; `None` without the
+/// header.
 fn hops(
     headers: &HeaderMap,
     name: &HeaderName,
@@ -107,7 +108,7 @@ fn hops(
     )
 }
 
-/// The node of one element of `Forwarded` (RFC 7239): `for=192.0.2.60;proto=http`.
+/// Extracts the node of one element of `Forwarded` (RFC 7239): `for=192.0.2.60;proto=http`.
 fn node_of_forwarded(element: &str) -> Option<&str> {
     element.split(';').find_map(|pair| {
         let (name, value) = pair.trim().split_once('=')?;
@@ -116,7 +117,7 @@ fn node_of_forwarded(element: &str) -> Option<&str> {
     })
 }
 
-/// The address of a node, with or without a port.
+/// Parses the address of a node, with or without a port.
 fn address_of(node: &str) -> Option<IpAddr> {
     if let Ok(address) = node.parse() {
         return Some(address);
@@ -144,7 +145,7 @@ mod tests {
             .collect()
     }
 
-    /// Whom a request comes from that a connection from `peer` brings with these headers.
+    /// Returns the client of a request with these headers on a connection from `peer`.
     fn client(peer: &str, headers: &[(&'static str, &'static str)]) -> String {
         let mut map = HeaderMap::new();
         for (name, value) in headers {

@@ -11,7 +11,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use futures::StreamExt;
 
-/// Whether a client takes gzip.
+/// True if a client accepts gzip.
 pub fn is_accepted(headers: &HeaderMap) -> bool {
     let accepted = headers.get_all(header::ACCEPT_ENCODING).iter();
     let mut codings = accepted
@@ -27,7 +27,7 @@ pub fn is_accepted(headers: &HeaderMap) -> bool {
     })
 }
 
-/// The same response, compressed.
+/// Compresses a response.
 pub fn gzip(response: Response) -> Response {
     let (mut parts, body) = response.into_parts();
     let headers = &mut parts.headers;

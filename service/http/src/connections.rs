@@ -23,7 +23,7 @@ use super::refusal::Turned;
 use super::shares::{Share, Shares};
 use crate::trusted_proxies::TrustedProxies;
 
-/// The connections that are open, and what was turned away.
+/// Open connections, and counters of the refusals.
 #[derive(Debug, Clone)]
 pub struct Connections(Arc<Inner>);
 
@@ -41,9 +41,9 @@ struct Inner {
 struct Table {
     next: u64,
     open: BTreeMap<u64, Entry>,
-    /// The addresses that have connections; trusted proxies and other instances are left out.
+    /// Addresses with connections, except trusted proxies and other instances.
     addresses: HashMap<String, Address>,
-    /// Requests under way, those of probes left out.
+    /// Requests in progress, except probes.
     requests: usize,
 }
 
@@ -55,16 +55,17 @@ struct Address {
 
 #[derive(Debug)]
 struct Entry {
-    /// `None` of a trusted proxy or another instance, which stands for many.
+    /// Address of the connection; `None` for a trusted proxy or another instance, which stands for
+    /// many.
     address: Option<String>,
-    /// Those of its address that wait for their peer.
+    /// Number of its address's connections that wait for their peer.
     beside: Waiting,
     progress: Arc<Progress>,
     in_request: bool,
     cut: CancellationToken,
 }
 
-/// The place of a connection, which is free again when this goes.
+/// Place of a connection, which is freed on drop.
 #[derive(Debug)]
 pub struct Place {
     id: u64,
@@ -74,7 +75,7 @@ pub struct Place {
     connections: Connections,
 }
 
-/// A request under way.
+/// A request in progress.
 #[derive(Debug)]
 pub struct RequestPlace {
     place: Arc<Place>,
@@ -83,12 +84,12 @@ pub struct RequestPlace {
 }
 
 impl Connections {
-    /// No connections yet.
+    /// Makes an empty table of connections.
     pub fn new(clock: SharedClock, trusted: TrustedProxies) -> Self {
         Self::of_cluster(clock, trusted, InstanceAddresses::default())
     }
 
-    /// No connections yet, of one instance of several.
+    /// Makes an empty table of connections for one instance of several.
     pub fn of_cluster(clock: SharedClock, trusted: TrustedProxies, of: InstanceAddresses) -> Self {
         Self(Arc::new(Inner {
             clock,
@@ -100,19 +101,20 @@ impl Connections {
         }))
     }
 
-    /// The proxies and the other instances, whose word about a client's address may count.
+    /// Returns the proxies and the other instances, whose forwarded client addresses may be
+    /// trusted.
     pub(crate) fn believed(&self) -> (&TrustedProxies, &InstanceAddresses) {
         (&self.0.trusted, &self.0.instances)
     }
 
-    /// Counts what was turned away.
+    /// Counts a refusal.
     pub fn count(&self, reason: Turned) {
         if let Some(counter) = self.0.turned.get(reason as usize) {
             counter.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// How often each reason turned something away.
+    /// Returns the number of refusals by reason.
     pub fn turned(&self) -> [(&'static str, u64); Turned::ALL.len()] {
         let value = |reason: Turned| self.0.turned.get(reason as usize);
         Turned::ALL.map(|reason| {
@@ -121,7 +123,7 @@ impl Connections {
         })
     }
 
-    /// Connections that are open.
+    /// Returns the number of open connections.
     pub fn open(&self) -> usize {
         self.table().open.len()
     }
@@ -130,7 +132,7 @@ impl Connections {
         self.0.table.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A place for a new connection; another one may be cut for it.
+    /// Finds a place for a new connection; another one may be cut for it.
     pub(crate) fn admit(&self, peer: PeerAddress) -> Result<Arc<Place>, Turned> {
         let stands_for_many =
             |address| self.0.trusted.contain(address) || self.0.instances.contain(address);
@@ -167,14 +169,14 @@ impl Connections {
         }))
     }
 
-    /// Cuts the connection that waits longest, when the process has no file left to open.
+    /// Cuts the connection that has waited longest, when the process has no file left to open.
     pub(crate) fn make_room(&self) {
         if self.table().evict(|_, _| true) {
             self.count(Turned::Evicted);
         }
     }
 
-    /// Counts the connection that went, or says why there is no place when none did.
+    /// Counts the connection that was cut, or returns the given refusal if none was.
     fn evicted(&self, freed: bool, otherwise: Turned) -> Result<(), Turned> {
         if !freed {
             return Err(otherwise);
@@ -204,8 +206,8 @@ impl Table {
         known.map_or(0, |address| address.connections)
     }
 
-    /// Where the waiting connections of an address are counted; those of a trusted proxy, which
-    /// stands for many, each by itself.
+    /// Returns the counter of an address's waiting connections; each connection of a trusted proxy,
+    /// which stands for many, has its own.
     fn waiting_of(&self, address: Option<&str>) -> Waiting {
         let known = address.and_then(|address| self.addresses.get(address));
         known.map_or_else(Waiting::default, |address| address.waiting.clone())
@@ -246,7 +248,9 @@ impl Table {
         }
     }
 
-    /// Makes room for one more connection of an address, if it is its turn, and says whether. An address of which nothing waits is next; for any other, only one that has more.
+    /// Makes room for one more connection of an address, if it is its turn; returns whether it did.
+    /// An address without waiting connections is next; for any other, only a connection of an
+    /// address with more of them is cut.
     fn evict_for(&mut self, address: Option<&str>) -> bool {
         let own = self.waiting_of(address).count();
         if own == 0 {
@@ -261,8 +265,9 @@ impl Table {
         self.evict(|entry, _| entry.beside.count() > own + 1)
     }
 
-    /// Cuts one of the connections that wait for their peer and, with the time since when they do,
-    /// fit: of the address of which most wait, the one that has waited longest. Says whether one was.
+    /// Cuts one of the connections that wait for their peer and satisfy `fits`, with the start of
+    /// their wait: of the address with the most waiting, the one that has waited longest. Returns
+    /// whether one was cut.
     fn evict(&mut self, fits: impl Fn(&Entry, Duration) -> bool) -> bool {
         let waiting = self.open.iter().filter_map(|(id, entry)| {
             let since = entry.progress.waits_since()?;
@@ -277,27 +282,27 @@ impl Table {
 }
 
 impl Place {
-    /// Where the connection comes from.
+    /// Returns the address of the connection's peer.
     pub(crate) fn peer(&self) -> PeerAddress {
         self.peer
     }
 
-    /// The connections that it is one of.
+    /// Returns the table that the connection belongs to.
     pub(crate) fn connections(&self) -> &Connections {
         &self.connections
     }
 
-    /// Where the connection stands.
+    /// Returns the progress of the connection.
     pub(crate) fn progress(&self) -> &Arc<Progress> {
         &self.progress
     }
 
-    /// Ends when the connection has to go.
+    /// Completes when the connection has to end.
     pub(crate) async fn cut(&self) {
         self.cut.cancelled().await;
     }
 
-    /// Begins a request that comes from `client`. A probe is answered whatever else is under way.
+    /// Begins a request from `client`. A probe is answered whatever else is in progress.
     pub(crate) fn begin(
         self: &Arc<Self>,
         client: PeerAddress,

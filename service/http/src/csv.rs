@@ -4,13 +4,13 @@ use axum::body::Body;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 
-/// One line of fields.
+/// Formats one line of fields.
 pub fn line<'a>(fields: impl IntoIterator<Item = &'a str>) -> String {
     let fields: Vec<String> = fields.into_iter().map(quoted).collect();
     fields.join(",") + "\r\n"
 }
 
-/// An answer that a browser saves under `name`.
+/// Makes a response that a browser saves under `name`.
 pub fn file(kind: &'static str, name: &str, body: Body) -> Response {
     let disposition = format!("attachment; filename=\"{name}\"");
     let headers = [
@@ -20,13 +20,14 @@ pub fn file(kind: &'static str, name: &str, body: Body) -> Response {
     (headers, body).into_response()
 }
 
-/// The media type.
+/// Media type of CSV.
 pub const CSV: &str = "text/csv; charset=utf-8";
 
-/// What a spreadsheet that is not set to commas begins a field or a line after, in quotes or not.
+/// Characters after which a spreadsheet that is not set to commas begins a field or a line, in
+/// quotes or not.
 const OTHER_SEPARATORS: [char; 5] = [';', '\t', '|', '\n', '\r'];
 
-/// A field in quotes where it needs them. What a spreadsheet would take for a formula stays text,
+/// Quotes a field if necessary. Text that a spreadsheet would interpret as a formula stays text,
 /// whatever separates its fields.
 fn quoted(field: &str) -> String {
     let parts = field.split_inclusive(OTHER_SEPARATORS);
@@ -37,7 +38,7 @@ fn quoted(field: &str) -> String {
     text
 }
 
-/// A part of a field that begins no formula; a number is none.
+/// Escapes a part of a field that would begin a formula; a number does not.
 fn as_text(part: &str) -> String {
     let content = part.trim_start_matches(['"', ' ']);
     let begins_so = content.starts_with(['=', '+', '-', '@', '\t', '\r']);

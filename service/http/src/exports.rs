@@ -10,26 +10,26 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::{Share, Shares};
 
-/// The places for files that are being written.
+/// Places for files that are being written.
 #[derive(Debug, Clone)]
 pub struct Exports {
     all: Arc<Semaphore>,
     of_callers: Shares,
 }
 
-/// The place of one file, which is free again when this goes.
+/// Place of one file, which is freed on drop.
 #[derive(Debug)]
 pub struct ExportPlace {
     _all: OwnedSemaphorePermit,
     _share: Share,
 }
 
-/// The reason why a file has no place.
+/// Reason for which a file has no place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExportRefused {
-    /// Its caller has as many as it may have.
+    /// Its caller has reached its limit.
     OfCaller,
-    /// All together are as many as there may be.
+    /// The limit of all files together is reached.
     Full,
 }
 
@@ -43,10 +43,10 @@ impl Default for Exports {
 }
 
 impl Exports {
-    /// Takes a place for a file of this caller.
+    /// Allocates a place for a file of this caller.
     ///
     /// # Errors
-    /// [`ExportRefused`] when there is none.
+    /// [`ExportRefused`] if none is free.
     pub fn take(&self, caller: String) -> Result<ExportPlace, ExportRefused> {
         let share = self.of_callers.take(caller);
         let share = share.ok_or(ExportRefused::OfCaller)?;
@@ -59,8 +59,8 @@ impl Exports {
     }
 }
 
-/// The pieces of a file until `end` says why there are no more; then an error, which breaks the connection
-/// off. Until then `held` is.
+/// Streams the pieces of a file until `end` returns a reason to stop, then an error, which breaks
+/// the connection off. It keeps `held` until then.
 pub fn until<Held: Send + 'static>(
     end: impl Future<Output = &'static str> + Send + 'static,
     pieces: impl Stream<Item = io::Result<Bytes>> + Send + 'static,

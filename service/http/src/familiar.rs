@@ -2,18 +2,18 @@
 
 use std::collections::HashMap;
 
-/// Pairs of a name and an address that a right password has come with, the latest. A flood of
-/// wrong passwords adds none and removes none.
+/// Latest pairs of a name and an address that a correct password was sent with. A flood of wrong
+/// passwords neither adds nor removes any.
 #[derive(Debug)]
 pub struct Familiar {
     pairs_max: usize,
-    /// When each was last right, as a number that goes up.
+    /// Order of the last correct password of each pair, as a growing number.
     last_right: HashMap<String, u64>,
     next: u64,
 }
 
 impl Familiar {
-    /// Remembers `pairs_max` pairs at most.
+    /// Makes a memory of at most `pairs_max` pairs.
     pub fn new(pairs_max: usize) -> Self {
         Self {
             pairs_max,
@@ -22,12 +22,12 @@ impl Familiar {
         }
     }
 
-    /// Whether a right password has come with this pair.
+    /// True if a correct password was sent with this pair.
     pub fn knows(&self, pair: &str) -> bool {
         self.last_right.contains_key(pair)
     }
 
-    /// Notes that a right password came with this pair.
+    /// Records a correct password with this pair.
     pub fn note(&mut self, pair: String) {
         self.last_right.insert(pair, self.next);
         self.next += 1;

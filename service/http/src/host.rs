@@ -8,9 +8,10 @@ use axum::http::request::Parts;
 use super::public_url::PublicUrl;
 use super::server::LocalAddress;
 
-/// Bytes of a request's header as it was sent, give or take the line of the request.
+/// Returns the size of a request's header as it was sent, except for the request line's exact
+/// length, bytes.
 pub fn header_bytes(parts: &Parts) -> usize {
-    /// Colon, blank, and the end of the line.
+    /// Length of colon, blank, and line end.
     const BETWEEN: usize = 4;
     let of_target = parts
         .uri
@@ -22,7 +23,7 @@ pub fn header_bytes(parts: &Parts) -> usize {
     })
 }
 
-/// The host that a request is for; none of HTTP/1.0.
+/// Returns the host that a request is for; HTTP/1.0 has none.
 pub fn host(parts: &Parts) -> Option<&str> {
     let of_target = parts
         .uri
@@ -37,15 +38,15 @@ pub fn host(parts: &Parts) -> Option<&str> {
     of_target.or_else(of_header)
 }
 
-/// The address of this machine that the connection came to.
+/// Returns the address of this machine that the connection came to.
 pub fn local(parts: &Parts) -> Option<IpAddr> {
     parts.extensions.get::<LocalAddress>()?.0
 }
 
-/// Whether a request for `host` is meant for this service. A page whose name an attacker lets point
-/// here (DNS rebinding) is asked for under that name: so names count only when they are known.
-/// Addresses, `localhost` and the machine's own name cannot be pointed
-/// anywhere. Other instances of a cluster ask under `among_instances`, host and maybe port.
+/// True if a request for `host` is meant for this service. A page whose name an attacker points
+/// here (DNS rebinding) is requested under that name: so names are accepted only if they are known.
+/// Addresses, `localhost` and the machine's own name cannot be redirected. Other instances of a
+/// cluster send requests to `among_instances`, host and maybe port.
 pub fn is_ours(
     host: &str,
     own_name: &str,
@@ -69,14 +70,14 @@ pub fn is_ours(
     }
 }
 
-/// The name that this machine has; empty without one.
+/// Returns this machine's name; empty without one.
 pub fn own_name() -> String {
     let system = rustix::system::uname();
     system.nodename().to_string_lossy().to_ascii_lowercase()
 }
 
-/// Whether a name is the machine's own, in full or without its domain: nobody else can point that
-/// here.
+/// True if a name is the machine's own, in full or without its domain, which nobody else can
+/// redirect here.
 fn is_of_machine(name: &str, own_name: &str) -> bool {
     let first = own_name.split('.').next().unwrap_or("");
     !first.is_empty() && (name == own_name || name == first)

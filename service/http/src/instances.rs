@@ -9,25 +9,25 @@ use tokio::sync::watch;
 
 static HEADER: HeaderName = HeaderName::from_static(FORWARDED_BY);
 
-/// Addresses of the cluster's other instances as they are known now. Each stands for many callers,
-/// like a proxy: of a request that it passes on, its word about the caller's address counts.
+/// Present addresses of the cluster's other instances. Each stands for many callers, like a proxy:
+/// its forwarded client addresses are trusted.
 #[derive(Debug, Clone, Default)]
 pub struct InstanceAddresses(Option<watch::Receiver<BTreeSet<IpAddr>>>);
 
 impl InstanceAddresses {
-    /// Those that somebody keeps up to date.
+    /// Makes the addresses from a channel that is kept up to date.
     pub fn watched(addresses: watch::Receiver<BTreeSet<IpAddr>>) -> Self {
         Self(Some(addresses))
     }
 
-    /// Whether an instance has this address.
+    /// True if an instance has this address.
     pub(crate) fn contain(&self, address: IpAddr) -> bool {
         let known = self.0.as_ref();
         known.is_some_and(|known| known.borrow().contains(&address.to_canonical()))
     }
 }
 
-/// Whether a request says that an instance passes it on. Anybody can say so.
+/// True if a request claims to be forwarded by an instance. Anybody can claim that.
 pub fn is_forwarded(headers: &HeaderMap) -> bool {
     headers.contains_key(&HEADER)
 }

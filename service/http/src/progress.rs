@@ -14,10 +14,10 @@ use hyper::body::{Body as HttpBody, Frame, SizeHint};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 
-/// Where a connection stands.
+/// Phase of a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
-    /// The next request is awaited, of which nothing has come.
+    /// The next request is awaited, and nothing of it has come.
     Idle,
     /// The rest of a request's header is awaited.
     Header,
@@ -27,25 +27,25 @@ enum Phase {
     Answering,
 }
 
-/// Why a connection was cut.
+/// Reason for which a connection was cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Overdue {
-    /// No request came.
+    /// The next request did not come.
     Idle,
     /// A header began and did not end.
     Header,
-    /// No whole body came.
+    /// The body did not come whole.
     Body,
     /// The answer was not read.
     Write,
 }
 
-/// How many connections of one address wait for their peer.
+/// Counter of one address's connections that wait for their peer.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Waiting(Arc<AtomicUsize>);
 
 impl Waiting {
-    /// How many.
+    /// Returns the count.
     pub(crate) fn count(&self) -> usize {
         self.0.load(Ordering::Relaxed)
     }
@@ -66,47 +66,49 @@ impl Waiting {
 #[derive(Debug)]
 struct State {
     phase: Phase,
-    /// When the phase began; of a header, when it began to be awaited.
+    /// Start of the phase; for a header, start of the wait for it.
     since: Duration,
-    /// How long the service waited for the peer before this phase, since it last did its part.
+    /// Time that the service waited for the peer before this phase, since the peer last did its
+    /// part.
     waited: Duration,
-    /// When the peer stopped to take what is written; `None` while it takes it.
+    /// Time at which the peer stopped reading the response; `None` while it reads.
     stalled: Option<Duration>,
-    /// How long it may do so.
+    /// Longest pause that the peer may make.
     patience: Duration,
-    /// Where it is counted while it waits; `None` once it has lost its place.
+    /// Counter of waiting connections; `None` once it has lost its place.
     waiting: Option<Waiting>,
 }
 
 impl State {
-    /// Since when the service waits for the peer; `None` while it is its own turn.
+    /// Returns the time since which the service waits for the peer; `None` while it is its own
+    /// turn.
     fn waits_since(&self) -> Option<Duration> {
         let for_request = (self.phase != Phase::Answering).then_some(self.since);
         self.stalled.or(for_request)
     }
 
-    /// What the service has waited for the peer in all. Only what the peer does begins it again, or
-    /// it could be late with one part after the other.
+    /// Returns the total time that the service has waited for the peer. Only the peer's actions
+    /// reset it, or it could be late with one part after the other.
     fn waited_in_all(&self, now: Duration) -> Duration {
         let waits = self.waits_since().map(|since| now.saturating_sub(since));
         self.waited + waits.unwrap_or_default()
     }
 }
 
-/// Where one connection stands. All times are of the service's running clock.
+/// Progress of one connection. All times are of the service's running clock.
 #[derive(Debug)]
 pub struct Progress {
     clock: SharedClock,
     state: Mutex<State>,
 }
 
-/// A response that is written piece by piece to readers who may pause for so long. It goes into
-/// the response's extensions.
+/// Patience with the readers of a response that is written piece by piece: the longest pause. It
+/// goes into the response's extensions.
 #[derive(Debug, Clone, Copy)]
 pub struct WritePatience(pub Duration);
 
 impl Progress {
-    /// Of a connection that was just accepted, which is counted in `waiting` while it waits.
+    /// Makes the progress of a new connection, which is counted in `waiting` while it waits.
     pub(crate) fn new(clock: SharedClock, waiting: Waiting) -> Arc<Self> {
         waiting.change(false, true);
         let state = Mutex::new(State {
@@ -124,7 +126,7 @@ impl Progress {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Changes the state, and with it the count of those that wait.
+    /// Changes the state, and with it the count of waiting connections.
     fn change(&self, change: impl FnOnce(&mut State)) {
         let mut state = self.state();
         let waited = state.waits_since().is_some();
@@ -145,7 +147,7 @@ impl Progress {
         });
     }
 
-    /// The connection has lost its place: it counts no longer.
+    /// Records that the connection has lost its place and no longer counts.
     pub(crate) fn leave(&self) {
         let mut state = self.state();
         let waited = state.waits_since().is_some();
@@ -154,7 +156,7 @@ impl Progress {
         }
     }
 
-    /// Something of a request has come. Its header has the time that was left for it.
+    /// Records received bytes of a request. Its header has the remaining time.
     fn received(&self) {
         let mut state = self.state();
         if state.phase == Phase::Idle {
@@ -166,7 +168,7 @@ impl Progress {
         }
     }
 
-    /// A request has come, whose body is still awaited or not.
+    /// Records that a request has begun, with or without an awaited body.
     pub(crate) fn request_begins(&self, body_awaited: bool) {
         self.enter(if body_awaited {
             Phase::Body
@@ -175,23 +177,24 @@ impl Progress {
         });
     }
 
-    /// Sets how long the peer may pause while it reads the present answer.
+    /// Sets the longest pause of the peer while it reads the present response.
     pub(crate) fn be_patient(&self, patience: Duration) {
         self.state().patience = patience;
     }
 
-    /// The answer was handed over whole: the next request may come.
+    /// Records that the response was handed over whole: the next request may come.
     pub(crate) fn request_ends(&self) {
         self.enter(Phase::Idle);
         self.be_patient(limits::HTTP_WRITE_STALL_TIMEOUT);
     }
 
-    /// Since when the service waits for the peer; `None` while it is its own turn.
+    /// Returns the time since which the service waits for the peer; `None` while it is its own
+    /// turn.
     pub(crate) fn waits_since(&self) -> Option<Duration> {
         self.state().waits_since()
     }
 
-    /// What the peer has failed to do when no header came in time.
+    /// Returns the peer's failure when a header did not come in time.
     pub(crate) fn header_overdue(&self) -> Overdue {
         match self.state().phase {
             Phase::Idle => Overdue::Idle,
@@ -199,7 +202,7 @@ impl Progress {
         }
     }
 
-    /// What the peer has failed to do in time.
+    /// Returns the peer's failure to do its part in time, if any.
     pub(crate) fn overdue(&self) -> Option<Overdue> {
         let now = self.clock.elapsed();
         let state = self.state();
@@ -226,7 +229,7 @@ impl Progress {
         is_over.then_some(overdue)
     }
 
-    /// Notes what became of a write.
+    /// Records the outcome of a write.
     fn note<T>(&self, written: &Poll<io::Result<T>>) {
         let stalls = written.is_pending();
         self.change(|state| {
@@ -240,8 +243,8 @@ impl Progress {
     }
 }
 
-/// A socket that notes when its peer stops reading. What such a peer has not read is thrown away
-/// with the socket; the system would keep it for minutes.
+/// Socket that records when its peer stops reading. Unread data of such a peer are discarded with
+/// the socket; the system would keep them for minutes.
 #[derive(Debug)]
 pub struct Watched {
     socket: TcpStream,
@@ -249,7 +252,7 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// Notes into `progress` what becomes of writes.
+    /// Wraps a socket and records the outcomes of writes in `progress`.
     pub(crate) fn new(socket: TcpStream, progress: Arc<Progress>) -> Self {
         Self { socket, progress }
     }
@@ -313,7 +316,7 @@ impl AsyncWrite for Watched {
     }
 }
 
-/// A body with what lasts as long as it is read or written.
+/// Body with a guard that lasts as long as it is read or written.
 pub struct Held<B, G> {
     body: B,
     _guard: G,
@@ -325,7 +328,7 @@ where
     B::Error: Into<axum::BoxError>,
     G: Unpin + Send + 'static,
 {
-    /// The body, which drops `guard` when it is dropped itself.
+    /// Makes a body that drops `guard` when it is dropped itself.
     pub(crate) fn body(body: B, guard: G) -> Body {
         Body::new(Self {
             body,
@@ -354,7 +357,7 @@ impl<B: HttpBody + Unpin, G: Unpin> HttpBody for Held<B, G> {
     }
 }
 
-/// A request's body as its route reads it: with it ends the wait for it.
+/// Request body; dropping it ends the body timeout.
 pub struct BodyAwaited(pub Arc<Progress>);
 
 impl Drop for BodyAwaited {
@@ -371,7 +374,7 @@ mod tests {
 
     use super::*;
 
-    /// More than the system's buffers hold, bytes.
+    /// Length beyond the system's buffers, bytes.
     const LONG: usize = 32 << 20;
 
     #[tokio::test]

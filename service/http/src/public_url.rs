@@ -2,26 +2,26 @@
 
 use serde::Deserialize;
 
-/// Where people reach the service: scheme, host and maybe port, such as
+/// Public address of the service: scheme, host and maybe port, such as
 /// `https://fleetcal.example.com`. With https, a proxy before the service ends the encryption.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct PublicUrl(String);
 
 impl PublicUrl {
-    /// The address, without a slash at its end.
+    /// Returns the address without a trailing slash.
     pub fn as_str(&self) -> &str {
         &self.0
     }
 
-    /// Host and maybe port, without the scheme.
+    /// Returns host and maybe port, without the scheme.
     pub fn authority(&self) -> &str {
         self.0
             .split_once("://")
             .map_or("", |(_, authority)| authority)
     }
 
-    /// Whether a request for `host` (and maybe port) is meant for it. The scheme's own port may be
+    /// True if a request for `host` (and maybe port) is meant for it. The scheme's own port may be
     /// left out.
     pub fn is_for(&self, host: &str) -> bool {
         let port = if self.is_https() { ":443" } else { ":80" };
@@ -35,7 +35,7 @@ impl PublicUrl {
         bare(host) == bare(self.authority())
     }
 
-    /// Whether browsers reach the service encrypted.
+    /// True if browsers reach the service encrypted.
     pub fn is_https(&self) -> bool {
         self.0.starts_with("https://")
     }

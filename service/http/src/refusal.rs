@@ -2,36 +2,36 @@
 
 use super::progress::Overdue;
 
-/// Why a connection or request was not served.
+/// Reason for which a connection or request was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Turned {
     /// Its address has as many connections as it may have.
     AddressConnections,
-    /// Every place is taken, and its address has its share or nobody waits for a peer.
+    /// All places are taken, and its address has its share or no connection waits for a peer.
     Places,
-    /// It waited for its peer longest when a place was needed.
+    /// The connection waited for its peer longest when a place was needed.
     Evicted,
-    /// No request came in time, as on a connection that a browser keeps for the next one.
+    /// The next request did not come in time, as on a connection that a browser keeps open.
     IdleTimeout,
     /// A header began and did not end in time.
     HeaderTimeout,
-    /// No whole body came in time.
+    /// The body did not come whole in time.
     BodyTimeout,
     /// Its peer did not read the answer.
     WriteStalled,
-    /// Its address has as many requests under way as it may have.
+    /// Its address has as many requests in progress as it may have.
     AddressRequests,
-    /// As many requests are under way as there may be.
+    /// The number of requests in progress has reached its limit.
     Requests,
     /// Its header was too large.
     HeaderBytes,
-    /// It was meant for another host.
+    /// The request was meant for another host.
     Host,
     /// Too many event streams: all together, of one caller, or of one address.
     Streams,
     /// Too many files are written: all together, or of one caller.
     Exports,
-    /// One user or token changes too much.
+    /// A user or token changes too much.
     CallerWrites,
 }
 
@@ -54,7 +54,7 @@ impl Turned {
         Self::CallerWrites,
     ];
 
-    /// Its name in `/metrics`.
+    /// Returns its name in `/metrics`.
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::AddressConnections => "address_connections",

@@ -28,36 +28,36 @@ use super::connections::{Connections, Place};
 use super::progress::{BodyAwaited, Held, Watched, WritePatience};
 use super::refusal::Turned;
 
-/// Connections whose peer is overdue are looked for this often.
+/// Interval of the search for connections whose peer is overdue.
 const OVERDUE_EVERY: Duration = Duration::from_millis(500);
-/// Requests that are under way at a shutdown may take this long.
+/// Longest time that requests in progress may take at a shutdown.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// The address of this machine that a connection came to.
+/// Address of this machine that a connection came to.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalAddress(pub Option<IpAddr>);
 
-/// What is served.
+/// Routes and responses of the server.
 #[derive(Debug, Clone)]
 pub struct Served {
     /// The routes.
     pub routes: Router,
-    /// Whether a path is a probe's, which is answered whatever else is under way.
+    /// True for the path of a probe, which is answered whatever else is in progress.
     pub is_probe: fn(&str) -> bool,
-    /// The answer to a request without a place. The connection ends with it.
+    /// Makes the response to a request without a place. The connection ends with it.
     pub turned_away: fn(Turned) -> Response,
 }
 
-/// What serves connections until its stop.
+/// Future that serves connections until its stop.
 pub type Serving = Pin<Box<dyn Future<Output = ()> + Send>>;
 
-/// Begins to accept on a listener; the future serves until `stop`, then lets requests that are
-/// under way finish.
+/// Begins to accept on a listener; the future serves until `stop`, then lets the requests in
+/// progress finish.
 ///
-/// The future is compiled in this crate, and not in each that awaits it.
+/// The future is compiled in this crate instead of each that awaits it.
 ///
 /// # Errors
-/// When the system gives no thread that accepts.
+/// The system refuses to create the accepting thread.
 pub fn serve(
     listener: TcpListener,
     served: Served,

@@ -3,14 +3,14 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Counts how many places each holder has. It forgets who has none.
+/// Number of places of each holder. Holders without any are forgotten.
 #[derive(Debug, Clone)]
 pub struct Shares {
     each_max: usize,
     held: Arc<Mutex<HashMap<String, usize>>>,
 }
 
-/// One place of one holder, which is free again when this goes.
+/// Place of one holder, which is freed on drop.
 #[derive(Debug)]
 pub struct Share {
     holder: String,
@@ -18,7 +18,7 @@ pub struct Share {
 }
 
 impl Shares {
-    /// Places of which each holder has `each_max` at most.
+    /// Makes places with at most `each_max` for each holder.
     pub fn new(each_max: usize) -> Self {
         Self {
             each_max,
@@ -26,7 +26,7 @@ impl Shares {
         }
     }
 
-    /// A place for `holder`; `None` when it has all that it may have.
+    /// Allocates a place for `holder`; `None` if it has reached its limit.
     pub fn take(&self, holder: String) -> Option<Share> {
         let mut held = self.held();
         let count = held.entry(holder.clone()).or_default();

@@ -7,16 +7,16 @@ use fleetcal_domain::limits;
 
 use crate::{Familiar, PeerAddress, Throttle};
 
-/// Whose password it is.
+/// Sender of a password, known or not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Whose {
-    /// Of somebody whose address has signed in under the name, or who is signed in.
+    /// A sender whose address has signed in under the name, or who is signed in.
     Known,
-    /// Of anybody else.
+    /// Any other sender.
     Stranger,
 }
 
-/// How often somebody may try to sign in.
+/// Limits on attempts to sign in.
 #[derive(Debug)]
 pub struct SignInLimits {
     name_at_address: Mutex<Throttle>,
@@ -42,19 +42,20 @@ impl Default for SignInLimits {
 }
 
 impl SignInLimits {
-    /// Counts a try from an address.
+    /// Counts an attempt from an address.
     ///
     /// # Errors
-    /// How long to wait when there were too many.
+    /// The time to wait if there were too many.
     pub fn count_address(&self, peer: PeerAddress, now: Duration) -> Result<(), Duration> {
         take(&self.address, &peer.key(), now)
     }
 
-    /// Counts a try under a name. What one address tries too often does not count for the others,
-    /// and what others try does not count for an address that has signed in under the name.
+    /// Counts an attempt under a name. The excess attempts of one address do not count for the
+    /// others, and other addresses' attempts do not count for one that has signed in under the
+    /// name.
     ///
     /// # Errors
-    /// How long to wait when there were too many.
+    /// The time to wait if there were too many.
     pub fn count_name(
         &self,
         peer: PeerAddress,
@@ -70,17 +71,17 @@ impl SignInLimits {
         Ok(Whose::Stranger)
     }
 
-    /// Whether an address has signed in under a name.
+    /// True if an address has signed in under a name.
     pub fn knows(&self, peer: PeerAddress, name: &str) -> bool {
         open(&self.familiar).knows(&peer.with_name(name))
     }
 
-    /// Remembers an address that has signed in under a name at another instance.
+    /// Records an address that has signed in under a name at another instance.
     pub fn note_known(&self, peer: PeerAddress, name: &str) {
         open(&self.familiar).note(peer.with_name(name));
     }
 
-    /// Forgets the tries under a name, since the last one was right, and remembers its address.
+    /// Forgets the attempts under a name after a correct one, and records its address.
     pub fn note_right(&self, peer: PeerAddress, name: &str) {
         let pair = peer.with_name(name);
         open(&self.name_at_address).forget(&pair);

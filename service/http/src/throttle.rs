@@ -3,19 +3,20 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
-/// Lets each key try `burst` times at once and then once every `every`: the generic cell rate
-/// algorithm (ITU-T I.371), which keeps one time a key. Times are of a clock that never goes back.
+/// Limit that admits `burst` attempts of each key at once and then one every `every`: the generic
+/// cell rate algorithm (ITU-T I.371), which keeps one time a key. Times are of a clock that never
+/// goes back.
 #[derive(Debug)]
 pub struct Throttle {
     every: Duration,
     burst: u32,
     keys_max: usize,
-    /// When a key's tries so far are worked off.
+    /// Time at which a key's attempts so far are worked off.
     worked_off: HashMap<String, Duration>,
 }
 
 impl Throttle {
-    /// A throttle that remembers `keys_max` keys at most.
+    /// Makes a throttle that remembers at most `keys_max` keys.
     pub fn new(every: Duration, burst: u32, keys_max: usize) -> Self {
         Self {
             every,
@@ -25,19 +26,19 @@ impl Throttle {
         }
     }
 
-    /// Counts a try at `now`.
+    /// Counts an attempt at `now`.
     ///
     /// # Errors
-    /// How long to wait when there were too many; the try does not count then.
+    /// The time to wait if there were too many; the attempt does not count then.
     pub fn take(&mut self, key: &str, now: Duration) -> Result<(), Duration> {
         self.take_several(key, 1, now)
     }
 
-    /// Counts several tries at `now`, all of them or none. More than fit into the burst count as so
-    /// many.
+    /// Counts several attempts at `now`, all of them or none. More than the burst count as the
+    /// burst.
     ///
     /// # Errors
-    /// How long to wait when there were too many.
+    /// The time to wait if there were too many.
     pub fn take_several(&mut self, key: &str, tries: u32, now: Duration) -> Result<(), Duration> {
         let tries = tries.min(self.burst);
         let worked_off = self.worked_off.get(key).copied().unwrap_or(now).max(now);
@@ -54,12 +55,13 @@ impl Throttle {
         Ok(())
     }
 
-    /// Forgets a key's tries, since the last one was right.
+    /// Forgets a key's attempts after a correct one.
     pub fn forget(&mut self, key: &str) {
         self.worked_off.remove(key);
     }
 
-    /// Keeps the memory bounded: first what is worked off goes, then the key that will be first.
+    /// Keeps the memory bounded: it drops the keys that are worked off, then the one that will be
+    /// first.
     fn make_room(&mut self, key: &str, now: Duration) {
         if self.worked_off.len() < self.keys_max || self.worked_off.contains_key(key) {
             return;

@@ -4,13 +4,14 @@ use std::net::IpAddr;
 
 use serde::Deserialize;
 
-/// Addresses and networks of proxies. Nobody else's word about where a request comes from counts.
+/// Addresses and networks of trusted proxies. Client addresses that anybody else forwards are
+/// ignored.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize)]
 #[serde(transparent)]
 pub struct TrustedProxies(Vec<AddressRange>);
 
 impl TrustedProxies {
-    /// Whether one of them has this address.
+    /// True if one of them has this address.
     pub fn contain(&self, address: IpAddr) -> bool {
         self.0.iter().any(|range| range.contains(address))
     }
@@ -31,7 +32,8 @@ pub struct AddressRange {
 }
 
 impl AddressRange {
-    /// Whether the address is in it. An IPv4 address that is mapped into IPv6 is the IPv4 address.
+    /// True if the address is in it. An IPv4 address that is mapped into IPv6 counts as the IPv4
+    /// address.
     pub fn contains(&self, address: IpAddr) -> bool {
         let (network, bits) = bits_of(self.network);
         let (address, of_address) = bits_of(address.to_canonical());
@@ -41,7 +43,7 @@ impl AddressRange {
     }
 }
 
-/// An address as a number, and how many bits it has.
+/// Returns an address as a number, and its number of bits.
 fn bits_of(address: IpAddr) -> (u128, u32) {
     match address {
         IpAddr::V4(address) => (address.to_bits().into(), 32),

@@ -6,7 +6,7 @@
 use fleetcal_proto::key::{Keys, StreamKind};
 use serde_json::{Value, json};
 
-/// What robots send.
+/// Streams from robots.
 pub(super) const FROM_ROBOTS: [StreamKind; 6] = [
     StreamKind::WheelOdometry,
     StreamKind::Scan,
@@ -15,20 +15,20 @@ pub(super) const FROM_ROBOTS: [StreamKind; 6] = [
     StreamKind::CalibrationApplied,
     StreamKind::CrossTrackError,
 ];
-/// What the service sends.
+/// Streams from the service.
 pub(super) const FROM_SERVICE: [StreamKind; 3] = [
     StreamKind::Estimate,
     StreamKind::CalibrationApproved,
     StreamKind::CalibrationConfirmed,
 ];
-/// What the service answers.
+/// Queries that the service answers.
 pub(super) const ANSWERED: [StreamKind; 3] = [
     StreamKind::Progress,
     StreamKind::CalibrationApproved,
     StreamKind::CalibrationConfirmed,
 ];
 
-/// The access list as Zenoh's configuration has it: our own keys, and `more`.
+/// Makes the access list in the form of Zenoh's configuration: our own keys, and `more`.
 pub fn list(keys: &Keys, more: &[Value]) -> Value {
     let of = |kinds: &[StreamKind]| -> Vec<String> {
         kinds.iter().map(|&kind| keys.stream_of_all(kind)).collect()
@@ -93,9 +93,10 @@ pub fn list(keys: &Keys, more: &[Value]) -> Value {
     })
 }
 
-/// The same where several instances carry the fleet, each with an embedded router, and pass on to
-/// each other what robots send, ask and hear: every rule holds in both directions. Such a router
-/// cannot tell instances from robots; one that can has the list of `fleetcal acl generate`.
+/// Makes the access list for several instances that carry the fleet, each with an embedded router,
+/// and forward the robots' messages, queries and subscriptions to each other: every rule holds in
+/// both directions. Such a router cannot distinguish instances from robots; a router with the list
+/// of `fleetcal acl generate` can.
 pub fn list_of_cluster(keys: &Keys, more: &[Value]) -> Value {
     let digests = [keys.digest_of_all()];
     let told = ["put", "declare_subscriber"];
@@ -111,7 +112,7 @@ pub fn list_of_cluster(keys: &Keys, more: &[Value]) -> Value {
     list
 }
 
-/// One rule that allows `messages` in one direction.
+/// Makes one rule that allows `messages` in one direction.
 pub fn rule(id: &str, flow: &str, messages: &[&str], key_exprs: &[String]) -> Value {
     json!({
         "id": id,

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use serde_json::Value;
 use zenoh::Config;
 
-/// The first endpoint at which anybody beyond this machine could connect; `None` when peers have to
-/// show a password or a certificate everywhere, or none listens beyond loopback.
+/// Returns the first endpoint at which anybody beyond this machine could connect; `None` if peers
+/// need a password or a certificate everywhere, or all endpoints are loopback.
 pub fn open_endpoint(config: &Config) -> Option<String> {
     if password_file(config).is_some() {
         return None;
@@ -21,7 +21,8 @@ pub fn open_endpoint(config: &Config) -> Option<String> {
     listened_on(config).into_iter().find(is_open)
 }
 
-/// Where a router of this configuration listens: the same in every mode, or by mode.
+/// Returns the endpoints that a router of this configuration listens on: the same in every mode, or
+/// by mode.
 fn listened_on(config: &Config) -> Vec<String> {
     let endpoints = json(config, "listen/endpoints");
     let of_mode = match &endpoints {
@@ -37,7 +38,7 @@ fn listened_on(config: &Config) -> Vec<String> {
     texts.map(str::to_owned).collect()
 }
 
-/// Whether an endpoint's address, `HOST:PORT` with metadata behind it, is of this machine alone.
+/// True if an endpoint's address, `HOST:PORT` with metadata behind it, is of this machine alone.
 fn is_loopback(address: &str) -> bool {
     let address = address.split(['?', '#']).next().unwrap_or(address);
     let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
@@ -48,7 +49,7 @@ fn is_loopback(address: &str) -> bool {
             .is_ok_and(|address| address.to_canonical().is_loopback())
 }
 
-/// The file of the passwords that peers have to show one of.
+/// Returns the file of the passwords by which peers authenticate.
 pub fn password_file(config: &Config) -> Option<PathBuf> {
     let file = json(config, "transport/auth/usrpwd/dictionary_file");
     let file = file.as_str().filter(|file| !file.is_empty());

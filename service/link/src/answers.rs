@@ -11,9 +11,9 @@ use zenoh::{Result, Session};
 
 use crate::gate::Gate;
 
-/// Hears what robots answer. The callback runs on Zenoh's receiving threads and never blocks. Of
-/// several instances, the one that has the robot takes the answer; what comes while none has it, the
-/// robot says again.
+/// Subscribes to the robots' acknowledgements. The callback runs on Zenoh's receiving threads and
+/// never blocks. Of several instances, the one that estimates the robot stores the acknowledgement;
+/// robots repeat those that come while no instance does.
 pub async fn hear(
     session: &Session,
     keys: &Keys,

@@ -3,7 +3,7 @@
 use fleetcal_domain::limits;
 use serde_json::{Value, json};
 
-/// The transport's settings as Zenoh's configuration has them.
+/// Makes the transport's settings in the form of Zenoh's configuration.
 pub fn transport() -> Value {
     json!({
         "unicast": {

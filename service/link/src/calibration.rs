@@ -16,23 +16,23 @@ use crate::gate::Gate;
 use crate::questions::Questions;
 use crate::ros2::{self, Ros2};
 
-/// What answers robots.
+/// Context in which robots' queries are answered.
 #[derive(Debug, Clone, Copy)]
 pub struct Asked<'a> {
     /// The session.
     pub session: &'a Session,
     /// The keys under the configured root.
     pub keys: &'a Keys,
-    /// Who knows the answers.
+    /// Source of the answers.
     pub lifecycle: &'a Lifecycle,
-    /// Where questions wait.
+    /// Queue of the queries.
     pub questions: &'a Questions,
-    /// Whether nobody else has to be asked.
+    /// True if no other queryable is needed for a complete answer.
     pub complete: bool,
 }
 
 impl Asked<'_> {
-    /// Declares what answers questions of a kind by `answer`.
+    /// Declares a queryable that answers queries of a kind by `answer`.
     async fn declare<A: Future<Output = ()> + Send + 'static>(
         &self,
         kind: StreamKind,
@@ -50,7 +50,7 @@ impl Asked<'_> {
     }
 }
 
-/// Answers what a robot should hold, from the database.
+/// Answers queries for a robot's offer, from the database.
 pub async fn answer_approved(asked: &Asked<'_>) -> Result<Queryable<()>> {
     let kind = StreamKind::CalibrationApproved;
     asked.declare(kind, reply_approved).await
@@ -71,7 +71,8 @@ async fn reply_approved(lifecycle: Lifecycle, keys: Keys, query: Query) {
     }
 }
 
-/// The number that a robot asks with, which its answer repeats; agents of before have none.
+/// Returns the number in a robot's query, which its answer repeats; queries of older agents have
+/// none.
 fn question_of(query: &Query) -> Option<Question> {
     let payload = query.payload()?;
     if payload.len() != 2 * QUESTION_BYTES {
@@ -80,7 +81,7 @@ fn question_of(query: &Query) -> Option<Question> {
     Question::parse(&payload.try_to_string().ok()?).ok()
 }
 
-/// Answers which of a robot's answers is stored.
+/// Answers queries for the confirmation of a robot's stored acknowledgement.
 pub async fn answer_confirmed(asked: &Asked<'_>) -> Result<Queryable<()>> {
     let kind = StreamKind::CalibrationConfirmed;
     asked.declare(kind, reply_confirmed).await
@@ -108,23 +109,23 @@ fn reply<T: Serialize>(query: &Query, keys: &Keys, robot: &RobotId, kind: Stream
     }
 }
 
-/// What sends what was decided.
+/// Sender of the outbox.
 #[derive(Debug)]
 pub struct Post {
     /// The session.
     pub session: Session,
     /// The keys under the configured root.
     pub keys: Keys,
-    /// Who has decided.
+    /// Owner of the outbox.
     pub lifecycle: Lifecycle,
-    /// Where robots have their ROS 2 topics.
+    /// ROS 2 topics of the robots.
     pub ros2: Ros2,
-    /// What may leave.
+    /// Gate of outgoing messages.
     pub gate: Gate,
 }
 
 impl Post {
-    /// Sends what was decided, until `stop`. What is not sent stays in the outbox.
+    /// Sends the outbox messages until `stop`. Unsent ones stay in the outbox.
     pub async fn send_outbox(self, stop: CancellationToken) {
         loop {
             let pause = if self.send_all().await {
@@ -140,7 +141,7 @@ impl Post {
         }
     }
 
-    /// Sends what waits for robots that this process has; whether all of it went.
+    /// Sends the outbox messages of the robots of this process; returns whether all were sent.
     async fn send_all(&self) -> bool {
         let entries = match self.lifecycle.outbox().await {
             Ok(entries) => entries,
@@ -177,7 +178,8 @@ impl Post {
         all
     }
 
-    /// On the robot's ROS 2 topic too. Who does not get it there asks for it.
+    /// Publishes the message on the robot's ROS 2 topic too. A robot that misses it there queries
+    /// for it.
     async fn also_to_ros2(&self, robot: &RobotId, message: &OutboxMessage) {
         let OutboxMessage::Approved(offered) = message else {
             return;
@@ -188,8 +190,8 @@ impl Post {
         }
     }
 
-    /// Waits for room instead of dropping: a calibration is no estimate that comes again in a
-    /// second.
+    /// Publishes an outbox message. It waits for room instead of dropping, because a calibration,
+    /// unlike an estimate, is not repeated each second.
     async fn put(&self, robot: &RobotId, message: &OutboxMessage) -> Result<()> {
         let (kind, json) = match message {
             OutboxMessage::Approved(offered) => (

@@ -14,10 +14,10 @@ use zenoh::{Result, Session};
 use crate::gate::Gate;
 use crate::{Parts, answers, ingest, warn_if_refused};
 
-/// The robots to hear.
+/// Robots whose messages are wanted.
 pub type HeardRobots = BTreeSet<RobotId>;
 
-/// The streams that bring many messages a second.
+/// Streams with many messages a second.
 const FREQUENT: [StreamKind; 3] = [
     StreamKind::WheelOdometry,
     StreamKind::Scan,
@@ -26,32 +26,32 @@ const FREQUENT: [StreamKind; 3] = [
 /// Robots whose keys are declared at once: each declaration is compared with all others.
 const KEYS_AT_ONCE_MAX: usize = 32;
 
-/// What is declared for a robot.
+/// Declarations for a robot.
 #[derive(Debug)]
 struct Heard {
     streams: Subscriber<()>,
-    /// Of the keys of a robot that sends, to which nothing is ever published. Zenoh compares a message whose
-    /// key nobody has named with all keys that it knows, in this session and in the router before it: that
-    /// costs the more the more robots there are, and a session that goes on naming keys keeps the messages
-    /// of others waiting. A publisher names its key in both, and to no other router. They are undeclared with
-    /// this value.
+    /// Publishers on the frequent keys of a robot that sends, to which nothing is ever published.
+    /// Zenoh compares a message whose key is undeclared with all keys that it knows, in this
+    /// session and in the router before it: the cost grows with the number of robots, and a session
+    /// that keeps naming keys delays the messages of others. A publisher declares its key in both,
+    /// and to no other router. They are undeclared with this value.
     frequent: Vec<Publisher<'static>>,
 }
 
-/// The subscribers that there are.
+/// Subscribers of the robots' streams.
 #[derive(Debug)]
 pub struct HeardStreams {
     keys: Keys,
     fleet: FleetHandle,
     lifecycle: Lifecycle,
     gate: Gate,
-    /// Of all robots; the gate lets through what those of this instance say.
+    /// Subscriber of all robots' acknowledgements; the gate admits those of this instance's robots.
     answers: Option<Subscriber<()>>,
     declared: BTreeMap<RobotId, Heard>,
 }
 
 impl HeardStreams {
-    /// None yet.
+    /// Makes it without any subscriber.
     pub fn new(parts: &Parts) -> Self {
         let parts = parts.clone();
         Self {
@@ -64,10 +64,10 @@ impl HeardStreams {
         }
     }
 
-    /// Subscribes to these robots, and to no others.
+    /// Subscribes to these robots alone.
     ///
     /// # Errors
-    /// When Zenoh refuses to declare or undeclare something.
+    /// Zenoh refuses to declare or undeclare something.
     pub async fn follow(&mut self, session: &Session, wanted: &HeardRobots) -> Result<()> {
         if self.answers.is_none() {
             self.answers = Some(self.hear_answers(session).await?);
@@ -107,7 +107,7 @@ impl HeardStreams {
     /// Declares the keys of some robots that have begun to send.
     ///
     /// # Errors
-    /// When Zenoh refuses to declare one.
+    /// Zenoh refuses a declaration.
     pub async fn declare_frequent(&mut self, session: &Session) -> Result<()> {
         let (keys, fleet) = (&self.keys, &self.fleet);
         let open = self.declared.iter_mut();
@@ -125,7 +125,7 @@ impl HeardStreams {
         Ok(())
     }
 
-    /// Ends all of them.
+    /// Undeclares all of them.
     pub async fn close(self) {
         // A robot's keys go after its subscriber, which messages reach by them.
         for heard in self.declared.into_values() {

@@ -15,7 +15,7 @@ use zenoh::sample::{Locality, Sample, SampleKind};
 use zenoh::{Result, Session};
 
 /// Subscribes to robots' streams, of every kind, with one callback: a queue for each stream would
-/// lose the order in which a robot has sent. The callback runs on Zenoh's receiving threads and never
+/// lose the robot's order of sending. The callback runs on Zenoh's receiving threads and never
 /// blocks.
 pub async fn subscribe(
     session: &Session,
@@ -31,8 +31,8 @@ pub async fn subscribe(
         .await
 }
 
-/// Subscribes to the streams of robots of which those count that nobody has registered: the others
-/// have subscribers of their own.
+/// Subscribes to streams, from which only the messages of unregistered robots are accepted: the
+/// others have subscribers of their own.
 pub async fn subscribe_strangers(
     session: &Session,
     keys: &Keys,
@@ -84,7 +84,7 @@ fn take(fleet: &FleetHandle, keys: &Keys, sample: &Sample) {
     offer(fleet, &robot, stream, None, sample);
 }
 
-/// Offers a message to its robot's mailbox; `message_type` is what its key says that it is.
+/// Offers a message to its robot's mailbox; `message_type` is the type in its key.
 pub fn offer(
     fleet: &FleetHandle,
     robot: &RobotId,
@@ -112,7 +112,7 @@ pub fn offer(
     }
 }
 
-/// Where a message comes from, as a callback is called with it: the connection, which Zenoh does not
+/// Identifies the origin of a message within its callback: the connection, which Zenoh does not
 /// name, but receives in a task of its own that calls the callback; and the publisher, where
 /// `rmw_zenoh` attaches it, since one router may bring the messages of several.
 fn origin(sample: &Sample) -> Option<Origin> {
@@ -139,7 +139,7 @@ fn take_cross_track_error(fleet: &FleetHandle, robot: &RobotId, sample: &Sample)
     }
 }
 
-/// Follows which robots are there, those that were there before included.
+/// Follows the presence of robots, including those that were there before.
 pub async fn watch_presence(
     session: &Session,
     keys: &Keys,

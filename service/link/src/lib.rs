@@ -50,38 +50,38 @@ use sessions::Sessions;
 pub use places::Shares;
 pub use strict::{Identity, RouterCertificate, StrictRouter, is_robots_own};
 
-/// What the link is made with.
+/// Settings and parts that the link is made with.
 #[derive(Debug, Clone, Default)]
 pub struct LinkSetup {
     /// Endpoints that the embedded router listens on.
     pub listen: Vec<String>,
     /// Routers to connect to.
     pub connect: Vec<String>,
-    /// A native Zenoh configuration file, taken as it is (but for QUIC endpoints, see
-    /// [`fleetcal_proto::endpoint`]) instead of the embedded router; `listen` and
-    /// `connect` replace the endpoints in it when there are any.
+    /// A native Zenoh configuration file, used unchanged (except for QUIC endpoints, see
+    /// [`fleetcal_proto::endpoint`]) instead of the embedded router; `listen` and `connect` replace
+    /// its endpoints if they are not empty.
     pub zenoh_config: Option<PathBuf>,
-    /// Whether peers beyond this machine may connect without showing who they are.
+    /// True if peers beyond this machine may connect without authentication.
     pub allow_anonymous: bool,
     /// The keys under the configured root.
     pub keys: Keys,
-    /// Where ROS 2 robots' topics are.
+    /// Settings of the topics of ROS 2 robots.
     pub ros2: Ros2Settings,
-    /// How many sessions peers may have.
+    /// Largest numbers of sessions.
     pub shares: Shares,
     /// This process's place in a cluster.
     pub membership: Membership,
-    /// Where the link of an instance of a cluster says how it is.
+    /// Channel of the state of a cluster instance's link.
     pub report: watch::Sender<LinkReport>,
 }
 
-/// Why the link could not be opened.
+/// Reason for which the link could not be opened.
 #[derive(Debug, Error)]
 pub enum LinkError {
     /// The configuration was refused.
     #[error("the Zenoh configuration is refused: {0}")]
     Config(String),
-    /// The file of the passwords is not there or cannot be used.
+    /// The password file is missing or unusable.
     #[error(
         "the passwords of the Zenoh configuration: {0}; `fleetcal acl generate --identity user \
          --passwords FILE` makes a file with a line `user:password` for each robot"
@@ -94,37 +94,37 @@ pub enum LinkError {
          network is trusted"
     )]
     Anonymous {
-        /// Where.
+        /// The open endpoint.
         endpoint: String,
     },
     /// The session could not be opened.
     #[error("Zenoh cannot be opened on {endpoints}: {reason}")]
     Open {
-        /// Where it was to listen and connect.
+        /// Endpoints to listen on and connect to.
         endpoints: String,
-        /// What Zenoh says.
+        /// Zenoh's reason.
         reason: String,
     },
     /// The session was not open in time.
     #[error("Zenoh on {endpoints} did not open within {} s", limits::ZENOH_OPEN_TIMEOUT.as_secs())]
     Timeout {
-        /// Where it was to listen and connect.
+        /// Endpoints to listen on and connect to.
         endpoints: String,
     },
     /// A subscriber, queryable or token could not be declared.
     #[error("Zenoh refused to declare {what}: {reason}")]
     Declare {
-        /// What was to be declared.
+        /// The declaration.
         what: &'static str,
-        /// What Zenoh says.
+        /// Zenoh's reason.
         reason: String,
     },
-    /// The session's own name is no chunk of a key.
+    /// The session's own name is not a valid chunk of a key.
     #[error(transparent)]
     Instance(#[from] KeyRefused),
 }
 
-/// A future that is compiled in this crate, and not in each that awaits it.
+/// Future that is compiled in this crate instead of each that awaits it.
 pub type Boxed<T> = Pin<Box<dyn Future<Output = T> + Send>>;
 
 /// The open link. Dropping it without [`Link::close`] leaves the session open until the process
@@ -135,9 +135,9 @@ pub struct Link {
     runtime: Runtime,
     presence: Subscriber<()>,
     progress: Queryable<()>,
-    /// Of a service that has all robots.
+    /// Declarations of a service that has all robots.
     all: Option<AllRobots>,
-    /// Of an instance of a cluster.
+    /// Part of an instance of a cluster.
     cluster: Option<ClusterLink>,
     ros2: Ros2Link,
     publisher: JoinHandle<()>,
@@ -145,14 +145,14 @@ pub struct Link {
     stop: CancellationToken,
 }
 
-/// What a service has declared that has all robots.
+/// Declarations of a service that has all robots.
 #[derive(Debug)]
 struct AllRobots {
     token: LivelinessToken,
     declared: DeclaredForAll,
 }
 
-/// The same without the token.
+/// Same declarations without the token.
 #[derive(Debug)]
 struct DeclaredForAll {
     streams: Subscriber<()>,
@@ -162,10 +162,10 @@ struct DeclaredForAll {
 }
 
 impl LinkSetup {
-    /// Checks what [`Link::open`] would refuse before it opens anything.
+    /// Checks, before anything is opened, for the refusals of [`Link::open`].
     ///
     /// # Errors
-    /// When the configuration is refused, or anybody could connect and that is not allowed.
+    /// The configuration is refused, or anybody could connect and that is not allowed.
     pub fn check(&self) -> Result<(), LinkError> {
         session::configuration(self, &[]).map(drop)
     }
@@ -175,7 +175,7 @@ impl Link {
     /// Opens the session, subscribes to every robot, and begins to publish estimates.
     ///
     /// # Errors
-    /// When the configuration is refused, an endpoint is in use, or Zenoh does not open in time.
+    /// The configuration is refused, an endpoint is in use, or Zenoh does not open in time.
     pub fn open(
         setup: LinkSetup,
         fleet: FleetHandle,
@@ -212,12 +212,12 @@ impl Link {
         parts.linked(table, setup, opened).await
     }
 
-    /// Whether the session is open.
+    /// True if the session is open.
     pub fn is_open(&self) -> bool {
         !self.session.is_closed()
     }
 
-    /// Takes no further message, then closes the session.
+    /// Stops receiving messages, then closes the session.
     pub fn close(self) -> Boxed<()> {
         Box::pin(self.closed())
     }
@@ -262,7 +262,7 @@ impl AllRobots {
     }
 }
 
-/// What every part of the link works with.
+/// Context of every part of the link.
 #[derive(Debug, Clone)]
 struct Parts {
     session: Session,
@@ -339,7 +339,7 @@ impl Parts {
         })
     }
 
-    /// Declares what is there for all robots.
+    /// Declares everything that serves all robots.
     async fn declare_for_all(&self) -> Result<DeclaredForAll, LinkError> {
         let (session, keys) = (&self.session, &self.keys);
         let asked = calibration::Asked {

@@ -21,7 +21,7 @@ use crate::gate::Gate;
 /// Time between two estimates of a robot.
 const ESTIMATE_EVERY: Duration = Duration::from_secs(1);
 
-/// Puts every robot's estimate once a second, when there is a new one.
+/// Publishes every robot's new estimate once a second.
 pub async fn publish_estimates(
     session: Session,
     keys: Keys,
@@ -80,8 +80,8 @@ async fn put(session: &Session, keys: &Keys, document: &EstimateDocument, gate: 
     }
 }
 
-/// Answers how far the service is with a robot's messages, so that a sender can pace itself. Of
-/// several instances, the one that has the robot answers.
+/// Answers queries for the progress with a robot's messages, so that a sender can pace itself. Of
+/// several instances, the one that estimates the robot answers.
 pub async fn answer_progress(
     session: &Session,
     keys: &Keys,

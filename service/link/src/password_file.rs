@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-/// Reasons why a router cannot know its peers by a file.
+/// Reasons why a router cannot authenticate its peers by a file.
 #[derive(Debug, Error)]
 pub enum PasswordFileRefused {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("{}: {reason}", path.display())]
     Unreadable {
         /// The file.
@@ -16,7 +16,7 @@ pub enum PasswordFileRefused {
         /// The system's error.
         reason: std::io::Error,
     },
-    /// It has another form.
+    /// The file has another form.
     #[error("{}: {refused}", path.display())]
     Form {
         /// The file.
@@ -26,7 +26,7 @@ pub enum PasswordFileRefused {
     },
 }
 
-/// A line that is not `user:password`. What it has is a secret.
+/// A line that is not `user:password`. Its content is secret.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("line {line}: got {found}, expected user:password")]
 pub struct LineRefused {
@@ -37,7 +37,7 @@ pub struct LineRefused {
 /// Checks a file of passwords.
 ///
 /// # Errors
-/// When it cannot be read, a line has another form, or there is none.
+/// The file cannot be read, a line has another form, or there are no lines.
 pub fn check(path: &Path) -> Result<(), PasswordFileRefused> {
     let text = fs::read_to_string(path).map_err(|reason| PasswordFileRefused::Unreadable {
         path: path.to_owned(),
@@ -60,7 +60,7 @@ pub fn check(path: &Path) -> Result<(), PasswordFileRefused> {
 /// Returns the users of a file's text, in its order.
 ///
 /// # Errors
-/// When a line is neither empty nor `user:password`.
+/// A line is neither empty nor `user:password`.
 pub fn users(text: &str) -> Result<Vec<&str>, LineRefused> {
     let mut users = Vec::new();
     for (text, line) in text.lines().zip(1..) {

@@ -15,7 +15,7 @@ use fleetcal_fleet::SessionClosed;
 pub enum Owner {
     /// A user, or the common name of a certificate.
     Name(String),
-    /// An address, of IPv6 a network.
+    /// An address; for IPv6 a network.
     Address(String),
 }
 
@@ -28,14 +28,14 @@ impl fmt::Display for Owner {
     }
 }
 
-/// Numbers of sessions that there may be.
+/// Largest numbers of sessions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shares {
-    /// Of all together.
+    /// Sessions in total.
     pub all: usize,
-    /// Of one address.
+    /// Sessions of one address.
     pub of_address: usize,
-    /// Of one name.
+    /// Sessions of one name.
     pub of_name: usize,
 }
 
@@ -49,7 +49,7 @@ impl Default for Shares {
     }
 }
 
-/// The sessions that are open, each with what closes it.
+/// Open sessions, each with the value that closes it.
 #[derive(Debug)]
 pub struct Places<C> {
     shares: Shares,
@@ -59,7 +59,7 @@ pub struct Places<C> {
 }
 
 impl<C> Places<C> {
-    /// All places are free.
+    /// Makes places that are all free.
     pub fn new(shares: Shares) -> Self {
         Self {
             shares,
@@ -69,27 +69,28 @@ impl<C> Places<C> {
         }
     }
 
-    /// Sessions that have a place.
+    /// Returns the number of sessions that have a place.
     pub fn taken(&self) -> usize {
         self.open.len()
     }
 
-    /// Owner of the most places, and their number.
+    /// Returns the owner of the most places, and their number.
     pub fn greediest(&self) -> Option<(&Owner, usize)> {
         let owners = self.owners.iter();
         let counts = owners.map(|(owner, own)| (owner, own.len()));
         counts.max_by(|one, other| one.1.cmp(&other.1).then_with(|| other.0.cmp(one.0)))
     }
 
-    /// Returns whether no place is free.
+    /// True if all places are taken.
     pub fn are_all_taken(&self) -> bool {
         self.open.len() >= self.shares.all
     }
 
-    /// A place for a session, by its number; with what closes the one that goes for it.
+    /// Admits a session; returns the number of its place, and the value that closes a session which
+    /// is evicted for it.
     ///
     /// # Errors
-    /// When its owner has its share, or nobody has more.
+    /// The owner has its full share, or nobody has more.
     pub fn admit(&mut self, owner: Owner, close: C) -> Result<(u64, Option<C>), SessionClosed> {
         let own = self.owners.get(&owner).map_or(0, BTreeSet::len);
         let share = match owner {
@@ -112,14 +113,15 @@ impl<C> Places<C> {
         Ok((number, evicted))
     }
 
-    /// The newest session of whoever has the most, if somebody with `own` and one more had fewer then.
+    /// Returns the newest session of the owner with the most, if an owner with `own` and one more
+    /// would have fewer.
     fn newest_of_others(&self, own: usize) -> Option<u64> {
         let (greediest, count) = self.greediest()?;
         let newest = self.owners.get(greediest)?.last().copied();
         newest.filter(|_| count > own + 1)
     }
 
-    /// Frees a place; gives what closed its session.
+    /// Frees a place; returns the value that closed its session.
     pub fn leave(&mut self, number: u64) -> Option<C> {
         let (owner, close) = self.open.remove(&number)?;
         if let Some(own) = self.owners.get_mut(&owner) {

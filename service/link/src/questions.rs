@@ -7,7 +7,7 @@ use fleetcal_fleet::FleetHandle;
 use tokio::runtime::Handle;
 use tokio::sync::Semaphore;
 
-/// Where questions wait for the database. Cheap to clone; all clones share the places.
+/// Queue of queries for the database. Cheap to clone; all clones share the places.
 #[derive(Debug, Clone)]
 pub struct Questions {
     places: Arc<Semaphore>,
@@ -16,7 +16,7 @@ pub struct Questions {
 }
 
 impl Questions {
-    /// As many places as [`limits::QUESTIONS_MAX`], on the runtime that this is called in.
+    /// Makes [`limits::QUESTIONS_MAX`] places, on the runtime that this is called in.
     pub fn new(fleet: FleetHandle) -> Self {
         Self::with_places(fleet, limits::QUESTIONS_MAX)
     }
@@ -29,8 +29,8 @@ impl Questions {
         }
     }
 
-    /// Answers a question by `answer`. It never blocks, as Zenoh's threads must not wait for the
-    /// database. A question that finds no place is counted and gets no answer: agents ask again.
+    /// Answers a query by `answer`. It never blocks, as Zenoh's threads must not wait for the
+    /// database. A query without a place is counted and not answered: agents repeat it.
     pub fn answer(&self, answer: impl Future<Output = ()> + Send + 'static) {
         let Ok(place) = Arc::clone(&self.places).try_acquire_owned() else {
             self.fleet.count_unanswered_question();

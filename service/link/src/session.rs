@@ -14,14 +14,14 @@ use zenoh::{Config, Session, Wait};
 use crate::sessions::Sessions;
 use crate::{LinkError, LinkSetup, access, anonymous, bounds, password_file};
 
-/// A session that was opened.
+/// An open session.
 #[derive(Debug)]
 pub struct Opened {
     /// The session.
     pub session: Session,
-    /// The runtime of Zenoh beneath it.
+    /// Zenoh's runtime beneath it.
     pub runtime: Runtime,
-    /// Whether it is a router to which robots can connect; else they are reached over others.
+    /// True if it is a router to which robots can connect; else they are reached over others.
     pub listens: bool,
 }
 
@@ -33,8 +33,8 @@ fn is_router_that_listens(config: &Config) -> bool {
     is_router && endpoints.is_ok_and(|endpoints| endpoints.contains('/'))
 }
 
-/// Opens the session on a thread of its own: `zenoh::open` may block for ever.
-/// The embedded router's access list has `more` rules beside those of our own keys.
+/// Opens the session on a thread of its own, as `zenoh::open` may block for ever. The embedded
+/// router's access list has `more` rules beside those of our own keys.
 pub async fn open(
     setup: &LinkSetup,
     more: &[Value],
@@ -63,7 +63,7 @@ pub async fn open(
     }
 }
 
-/// Opens a session as `zenoh::open` does, but so that `sessions` learns of every peer.
+/// Opens a session as `zenoh::open` does, but with `sessions` notified of every peer.
 fn opened_with(config: Config, sessions: Sessions) -> zenoh::Result<(Session, Runtime)> {
     let aggregated = |key: &str| {
         let keys = config.get_json(key).unwrap_or_default();
@@ -89,8 +89,8 @@ fn opened_with(config: Config, sessions: Sessions) -> zenoh::Result<(Session, Ru
     })
 }
 
-/// The session's configuration, which lets nobody beyond this machine connect without showing who it
-/// is unless that is allowed.
+/// Makes the session's configuration, in which peers beyond this machine have to authenticate
+/// unless anonymous ones are allowed.
 pub fn configuration(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkError> {
     let mut config = match &setup.zenoh_config {
         Some(path) => native(path, setup)?,
@@ -133,8 +133,8 @@ pub async fn close(session: Session, runtime: Runtime) {
     }
 }
 
-/// The result of something that blocks. Not on the runtime's threads for blocking work: the
-/// process could not end before it.
+/// Runs blocking work on a thread of its own and returns the result. The runtime's threads for
+/// blocking work are unsuitable, because the process could not end before it.
 async fn on_own_thread<T: Send + 'static>(
     name: &str,
     work: impl FnOnce() -> T + Send + 'static,
@@ -152,7 +152,7 @@ async fn on_own_thread<T: Send + 'static>(
     }
 }
 
-/// A native file as it is, but for the endpoints that are given beside it.
+/// Reads a native file unchanged, except for the endpoints given beside it.
 fn native(path: &Path, setup: &LinkSetup) -> Result<Config, LinkError> {
     let mut config = Config::from_file(path)
         .map_err(|error| LinkError::Config(format!("{}: {error}", path.display())))?;
@@ -193,8 +193,8 @@ fn set(config: &mut Config, key: &str, value: &serde_json::Value) -> Result<(), 
         .map_err(|error| LinkError::Config(format!("{key} is {value}: {error}")))
 }
 
-/// The embedded router: listens where it is told, finds nobody by itself, gives peers no more than
-/// [`bounds`] says, and lets through what the access list names.
+/// Configures the embedded router: it listens on the given endpoints, has no discovery, limits
+/// peers by [`bounds`], and admits only what the access list names.
 fn embedded(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkError> {
     let mut config = Config::default();
     let list = match setup.membership.cluster() {

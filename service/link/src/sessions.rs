@@ -20,7 +20,7 @@ use zenoh_transport::{
 
 use crate::places::{Owner, Places, Shares};
 
-/// The sessions of a router, which asks about each that it has opened.
+/// Sessions of a router, which reports each that it has opened.
 pub struct Sessions(Arc<Inner>);
 
 struct Inner {
@@ -38,7 +38,7 @@ struct Opened {
 }
 
 impl Sessions {
-    /// No sessions yet; they are closed on the runtime that this is called on.
+    /// Makes an empty set of sessions, which are closed on the runtime that this is called on.
     pub fn new(shares: Shares, fleet: FleetHandle, clock: SharedClock) -> Self {
         Self(Arc::new(Inner {
             places: Mutex::new(Places::new(shares)),
@@ -153,7 +153,7 @@ impl TransportPeerEventHandler for Opened {
     }
 }
 
-/// Owner of a session: by what the peer has shown, or else by where it comes from.
+/// Returns the owner of a session: the name by which the peer authenticated, else its address.
 fn owner(peer: &TransportPeer, transport: &TransportUnicast) -> Owner {
     let shown = transport.get_auth_ids().ok();
     let name = shown.as_ref().and_then(|shown| {
@@ -171,7 +171,8 @@ fn owner(peer: &TransportPeer, transport: &TransportUnicast) -> Owner {
     }
 }
 
-/// The address of a `HOST:PORT`; of IPv6 its network, which is one site's and has many addresses.
+/// Returns the address of a `HOST:PORT`; for IPv6 its network, which belongs to one site and has
+/// many addresses.
 fn site(host_and_port: &str) -> String {
     let Ok(address) = host_and_port.parse::<SocketAddr>() else {
         return host_and_port.to_owned();
@@ -200,7 +201,7 @@ mod tests {
     use super::*;
     use crate::{LinkSetup, session};
 
-    /// Longest time anything may take.
+    /// Longest wait for a condition.
     const PATIENCE: Duration = Duration::from_secs(20);
     const SHARES: Shares = Shares {
         all: 8,
@@ -217,7 +218,7 @@ mod tests {
         assert!(waited.await.is_ok(), "waited in vain until {what}");
     }
 
-    /// A client of a router, which comes from this address.
+    /// Opens a client of a router from this address.
     async fn client(port: u16, from: &str) -> Session {
         let config = json!({
             "mode": "client",

@@ -15,12 +15,12 @@ use serde_json::{Value, json};
 use crate::access::{ANSWERED, FROM_ROBOTS, FROM_SERVICE, rule};
 use crate::bounds;
 
-/// How a router knows who is at the other end of a connection.
+/// Way in which a router identifies its peers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Identity {
-    /// By the common name of its certificate (mTLS).
+    /// Common name of the certificate (mTLS).
     Certificate,
-    /// By user and password, which stand in this file, `user:password` in each line.
+    /// User and password, from a file with `user:password` in each line.
     User {
         /// The file.
         passwords: PathBuf,
@@ -32,42 +32,43 @@ pub enum Identity {
 pub struct RouterCertificate {
     /// Its certificate, PEM.
     pub certificate: PathBuf,
-    /// The key of it, PEM.
+    /// Its key, PEM.
     pub key: PathBuf,
-    /// Who has signed the certificates of those that connect, PEM.
+    /// CA of the certificates of its peers, PEM.
     pub ca: Option<PathBuf>,
 }
 
-/// What a router with a list per robot is made of.
+/// Settings of a router with a list per robot.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StrictRouter {
     /// The keys under the configured root.
     pub keys: Keys,
     /// The robots; each connects under its id.
     pub robots: BTreeSet<RobotId>,
-    /// Of a router before the service, as whom the service connects; `None` for the service's own.
+    /// Name under which the service connects to a router before it; `None` for the service's own
+    /// router.
     pub service: Option<String>,
-    /// Further key expressions that a robot may put to, `{robot}` standing for its id.
+    /// Further key expressions on which a robot may publish, with `{robot}` for its id.
     pub streams: Vec<String>,
-    /// How those who connect are known.
+    /// Way in which peers are identified.
     pub identity: Identity,
     /// The router's certificate, for endpoints with TLS.
     pub certificate: Option<RouterCertificate>,
-    /// Where it listens.
+    /// Endpoints that it listens on.
     pub listen: Vec<String>,
-    /// The names that other routers of the fleet have in their certificates.
+    /// Names of the fleet's other routers in their certificates.
     pub routers: Vec<String>,
-    /// Where these are.
+    /// Endpoints of these routers.
     pub connect: Vec<String>,
 }
 
-/// A router before several instances takes a session for gone that is silent for so long, ms.
+/// Silence after which a router before several instances drops a session, ms.
 const LEASE_MS: u32 = 3_000;
-/// What a robot says seldom.
+/// Streams on which a robot sends seldom.
 const SELDOM: [StreamKind; 2] = [StreamKind::Event, StreamKind::CalibrationApplied];
 
-/// Whether a key expression with `{robot}` for the id has that as one whole chunk, so that no robot
-/// gets the keys of another whose id begins as its own does.
+/// True if a key expression with `{robot}` for the id has that as one whole chunk, so that a robot
+/// cannot use the keys of another whose id begins as its own does.
 pub fn is_robots_own(stream: &str) -> bool {
     let (own, others): (Vec<&str>, Vec<&str>) =
         stream.split('/').partition(|chunk| *chunk == "{robot}");
@@ -76,14 +77,14 @@ pub fn is_robots_own(stream: &str) -> bool {
         && zenoh::key_expr::KeyExpr::try_from(stream.replace("{robot}", "robot")).is_ok()
 }
 
-/// Endpoints, with QUIC in one stream.
+/// Rewrites endpoints so that QUIC uses one stream.
 fn in_order(endpoints: &[String]) -> Vec<String> {
     let endpoints = endpoints.iter();
     endpoints.map(|one| endpoint::in_order(one)).collect()
 }
 
 impl StrictRouter {
-    /// The whole configuration as Zenoh reads it. What the list does not name is denied.
+    /// Makes the whole configuration in Zenoh's form. The list denies whatever it does not name.
     pub fn configuration(&self) -> Value {
         let mut transport = bounds::transport();
         if let Some(tls) = &self.certificate {
@@ -109,9 +110,10 @@ impl StrictRouter {
         })
     }
 
-    /// How often each robot may ask, and say what it says seldom: a session that does so without end would
-    /// keep the router from all others. For each robot's keys, since the link between two routers is one
-    /// session of many robots. None for a large fleet: Zenoh keeps all of them for each connection.
+    /// Limits the rates of each robot's queries and of its rare streams: a session that sends these
+    /// without end would keep the router from all others. The limits apply to each robot's keys,
+    /// since the link between two routers is one session of many robots. A large fleet has no
+    /// limits: Zenoh keeps all of them for each connection.
     fn limits_of_robots(&self) -> Vec<Value> {
         if self.robots.len() > limits::ROBOTS_LIMITED_MAX {
             return Vec::new();
@@ -125,7 +127,7 @@ impl StrictRouter {
         .collect()
     }
 
-    /// `None` without robots: Zenoh takes no list of rules that is empty.
+    /// Makes one rate limit; `None` without robots, because Zenoh refuses an empty list of rules.
     fn limit(&self, message: &str, kinds: &[StreamKind], per_s: f64) -> Option<Value> {
         let keys = self
             .robots
@@ -160,7 +162,7 @@ impl StrictRouter {
         settings
     }
 
-    /// The access list.
+    /// Makes the access list.
     fn list(&self) -> Value {
         let mut list = List::default();
         for robot in &self.robots {
@@ -189,7 +191,7 @@ impl StrictRouter {
         json!({ "id": name, property: [name] })
     }
 
-    /// What one robot may do: send its own streams, ask for and hear what is for it.
+    /// Makes the rules of one robot: publish its own streams, query and receive what is for it.
     fn rules_of(&self, robot: &RobotId) -> Vec<Value> {
         let of = |kinds: &[StreamKind]| -> Vec<String> {
             let own = |&kind| self.keys.stream(robot, kind);
@@ -237,7 +239,8 @@ impl StrictRouter {
         rules
     }
 
-    /// That the service listens and answers: for the whole fleet, since it says so once for all.
+    /// Makes the rules for the service's declarations: they cover the whole fleet, since it
+    /// declares once for all.
     fn wanted(&self, named: &str, flow: &str) -> [Value; 3] {
         let (streams, answered) = (self.streams_of_all(), self.of_all(&ANSWERED));
         let alive = [self.keys.alive_of_all()];
@@ -263,7 +266,8 @@ impl StrictRouter {
         ]
     }
 
-    /// What a service that connects to the router may do: hear all robots and answer them.
+    /// Makes the rules of a service that connects to the router: receive from all robots and answer
+    /// them.
     fn rules_of_service(&self) -> Vec<Value> {
         let (results, answered) = (self.of_all(&FROM_SERVICE), self.of_all(&ANSWERED));
         let service = [self.keys.service_of_all()];
@@ -308,7 +312,7 @@ impl StrictRouter {
         rules
     }
 
-    /// What several instances of a service tell each other.
+    /// Makes the rules for messages among several instances of a service.
     fn rules_among_services(&self) -> [Value; 4] {
         let (digests, tokens) = ([self.keys.digest_of_all()], [self.keys.service_of_all()]);
         let named = |what: &str| format!("the service: {what}");
@@ -345,8 +349,8 @@ impl StrictRouter {
         streams
     }
 
-    /// What passes to and from another router of the fleet: everything under the root. Who may send
-    /// what was asked where it came in.
+    /// Makes the rules for another router of the fleet: everything under the root passes. The
+    /// senders were checked at the router of entry.
     fn rules_of_router(&self, router: &str) -> [Value; 2] {
         const PASSED_ON: [&str; 9] = [
             "put",
@@ -409,7 +413,7 @@ mod tests {
         }
     }
 
-    /// The key expressions that a subject's policy lets it put to.
+    /// Returns the key expressions on which a subject's policy lets it publish.
     fn may_put(list: &Value, subject: &str) -> Vec<String> {
         let policies = list["policies"].as_array().unwrap();
         let own = policies.iter().find(|p| p["subjects"] == json!([subject]));

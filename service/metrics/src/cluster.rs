@@ -10,10 +10,10 @@ use prometheus_client::metrics::gauge::ConstGauge;
 
 use crate::{counter, gauge};
 
-/// Writes the families of a cluster; nothing of a service that is alone.
+/// Writes the families of a cluster; a service that is alone has none.
 ///
 /// # Errors
-/// When the text cannot be written.
+/// The text cannot be written.
 pub fn encode(out: &mut DescriptorEncoder<'_>, membership: &Membership) -> fmt::Result {
     let Some(cluster) = membership.cluster() else {
         return Ok(());
@@ -78,7 +78,8 @@ fn of_instances(out: &mut DescriptorEncoder<'_>, snapshot: &Snapshot) -> fmt::Re
     Ok(())
 }
 
-/// The label is not `instance`, which Prometheus gives to what it scrapes.
+/// Writes a family of gauges by instance. The label is not `instance`, which Prometheus sets to the
+/// scraped target.
 fn by_instance<'a>(
     out: &mut DescriptorEncoder<'_>,
     name: &str,

@@ -14,7 +14,7 @@ use prometheus_client::metrics::gauge::ConstGauge;
 /// Writes a family of gauges, one for each value of a label.
 ///
 /// # Errors
-/// When the text cannot be written.
+/// The text cannot be written.
 pub fn gauges<'a>(
     out: &mut DescriptorEncoder<'_>,
     name: &str,
@@ -32,7 +32,7 @@ pub fn gauges<'a>(
 /// Writes a counter; the encoder ends its name in `_total`.
 ///
 /// # Errors
-/// When the text cannot be written.
+/// The text cannot be written.
 pub fn counter(out: &mut DescriptorEncoder<'_>, name: &str, help: &str, value: u64) -> fmt::Result {
     let counter = ConstCounter::new(value);
     counter.encode(out.encode_descriptor(name, help, None, MetricType::Counter)?)
@@ -41,7 +41,7 @@ pub fn counter(out: &mut DescriptorEncoder<'_>, name: &str, help: &str, value: u
 /// Writes a gauge.
 ///
 /// # Errors
-/// When the text cannot be written.
+/// The text cannot be written.
 pub fn gauge(out: &mut DescriptorEncoder<'_>, name: &str, help: &str, value: f64) -> fmt::Result {
     let gauge = ConstGauge::new(value);
     gauge.encode(out.encode_descriptor(name, help, None, MetricType::Gauge)?)
@@ -50,7 +50,7 @@ pub fn gauge(out: &mut DescriptorEncoder<'_>, name: &str, help: &str, value: f64
 /// Writes a family of counters, one for each set of labels.
 ///
 /// # Errors
-/// When the text cannot be written.
+/// The text cannot be written.
 pub fn counters<'a>(
     out: &mut DescriptorEncoder<'_>,
     name: &str,

@@ -8,18 +8,18 @@ use fleetcal_domain::robot::{Counters, RobotView};
 use fleetcal_model::{Detection, DetectionState};
 use fleetcal_proto::RobotId;
 
-/// The figures of one robot at one time: a fiftieth of their text.
+/// Figures of one robot at one time: a fiftieth of their text.
 #[derive(Debug)]
 pub struct RobotFigures {
     robot: RobotId,
-    /// What became of its messages, in the order of [`OUTCOMES`].
+    /// Number of its messages by outcome, in the order of [`OUTCOMES`].
     outcomes: [u64; OUTCOMES.len()],
     unpaired: u64,
     restarts: u64,
     detection: Option<Detection>,
 }
 
-/// What can become of a message; those that wait are the difference to those received.
+/// Outcomes of a message; those that wait are the difference to those received.
 const OUTCOMES: [&str; 6] = [
     "processed",
     "refused",
@@ -30,7 +30,7 @@ const OUTCOMES: [&str; 6] = [
 ];
 
 impl RobotFigures {
-    /// The figures of a robot.
+    /// Takes the figures from a robot's view.
     pub fn of(view: &RobotView) -> Self {
         let Counters {
             processed,
@@ -60,7 +60,7 @@ impl RobotFigures {
         }
     }
 
-    /// Messages that found a full mailbox.
+    /// Returns the number of messages that found a full mailbox.
     pub fn mailbox_full(&self) -> u64 {
         let [_, _, _, dropped @ ..] = self.outcomes;
         dropped.iter().sum()
@@ -103,7 +103,7 @@ const FAMILIES: [Family; 4] = [
     },
 ];
 
-/// The text of these robots' figures, of a few robots at a time.
+/// Formats these robots' figures in pieces of a few robots at a time.
 pub fn pieces(robots: Vec<RobotFigures>) -> impl Iterator<Item = String> + Send + 'static {
     let robots: Arc<[RobotFigures]> = robots.into();
     FAMILIES.iter().flat_map(move |family| {
@@ -155,7 +155,7 @@ fn restarts(out: &mut String, robot: &RobotFigures) -> fmt::Result {
     writeln!(out, "{name}{{robot=\"{id}\"}} {count}")
 }
 
-/// One series for each robot and cause; what its detection waits for is a label.
+/// Writes one series for each robot and cause; the missing condition of its detection is a label.
 fn detection(out: &mut String, robot: &RobotFigures) -> fmt::Result {
     let id = robot.robot.as_str();
     let of_causes = robot.detection.map(|detection| detection.of_causes());

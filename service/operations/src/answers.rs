@@ -1,13 +1,13 @@
-//! Requests that come again with their `Idempotency-Key`.
+//! Repeated requests with their `Idempotency-Key`.
 
 use fleetcal_model::WallTime;
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{IdempotencyKey, Records, StoreError};
 
-/// The number of what the same request made before.
+/// Number of the record that the same request created before.
 ///
 /// # Errors
-/// [`StoreError::KeyReused`] when the same key came with another request.
+/// [`StoreError::KeyReused`] if the key came with another request.
 pub(crate) async fn made_before(
     records: &mut dyn Records,
     scope: AnswerScope<'_>,
@@ -23,7 +23,7 @@ pub(crate) async fn made_before(
     }
 }
 
-/// Keeps what a request has made.
+/// Stores the record that a request created.
 pub(crate) async fn note_made(
     records: &mut dyn Records,
     scope: AnswerScope<'_>,

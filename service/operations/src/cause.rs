@@ -1,6 +1,6 @@
 //! Cause of an error.
 
-/// An error with what it came from.
+/// Text of an error with its causes.
 pub(crate) fn whole(error: &dyn std::error::Error) -> String {
     let mut words = error.to_string();
     let mut source = error.source();

@@ -1,14 +1,14 @@
-//! The one place where randomness enters the service.
+//! Randomness of the service, from the system.
 
 use fleetcal_domain::access::Random;
 
-/// The system gave no random bytes.
+/// Failure of the system's random generator.
 pub type NoEntropy = getrandom::Error;
 
 /// Random bytes of a secret.
 ///
 /// # Errors
-/// When the system gives none.
+/// If the system has none.
 pub fn secret() -> Result<Random, NoEntropy> {
     let mut bytes = Random::default();
     getrandom::fill(&mut bytes)?;
@@ -18,27 +18,27 @@ pub fn secret() -> Result<Random, NoEntropy> {
 /// Random bytes of a password's salt.
 ///
 /// # Errors
-/// When the system gives none.
+/// If the system has none.
 pub fn salt() -> Result<[u8; 16], NoEntropy> {
     let mut bytes = [0; 16];
     getrandom::fill(&mut bytes)?;
     Ok(bytes)
 }
 
-/// A number from 0 to 1, by which what waits does not come back all at once.
+/// Random number from 0 to 1, which spreads the retries in time.
 ///
 /// # Errors
-/// When the system gives none.
+/// If the system has none.
 pub fn jitter() -> Result<f64, NoEntropy> {
     let mut bytes = [0; 4];
     getrandom::fill(&mut bytes)?;
     Ok(f64::from(u32::from_le_bytes(bytes)) / f64::from(u32::MAX))
 }
 
-/// A number of all that there are: what bears it is told from everything else.
+/// Random number of 64 bits, which identifies its bearer.
 ///
 /// # Errors
-/// When the system gives none.
+/// If the system has none.
 pub fn number() -> Result<i64, NoEntropy> {
     let mut bytes = [0; 8];
     getrandom::fill(&mut bytes)?;

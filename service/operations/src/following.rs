@@ -1,6 +1,6 @@
-//! Follows what other instances have decided. Each decision, configuration and note leaves a row in
-//! the audit, whose numbers have no gap and go up in the order of commits: the audit is the feed of
-//! changes.
+//! Follower of other instances' decisions. Each decision, configuration and note leaves a row in
+//! the audit, whose numbers have no gap and increase in the order of commits: the audit is the feed
+//! of changes.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -22,22 +22,22 @@ use crate::alert_evaluator::AlertEvaluator;
 use crate::lifecycle::Lifecycle;
 use crate::notes;
 
-/// What is followed for whom.
+/// Parts that the follower uses.
 #[derive(Debug, Clone)]
 pub struct FollowingSetup {
-    /// Where the audit is.
+    /// Store of the audit.
     pub store: Store,
-    /// The robots.
+    /// Robots of the fleet.
     pub fleet: FleetHandle,
-    /// Their records.
+    /// Records of the robots.
     pub lifecycle: Lifecycle,
-    /// What is wrong with them.
+    /// Evaluator of the robots' alerts.
     pub evaluator: AlertEvaluator,
-    /// This process's place in the cluster.
+    /// Membership of this process in the cluster.
     pub membership: Membership,
 }
 
-/// The task that follows.
+/// Task that follows the audit.
 #[derive(Debug, Clone)]
 pub struct Following {
     stop: CancellationToken,
@@ -45,7 +45,7 @@ pub struct Following {
 }
 
 impl Following {
-    /// Follows what is decided after `last`, the newest row before the records were first read.
+    /// Follows the decisions after `last`, the newest row before the records were first read.
     pub fn start(setup: FollowingSetup, last: AuditId) -> Self {
         let following = Self {
             stop: CancellationToken::new(),
@@ -56,7 +56,7 @@ impl Following {
         following
     }
 
-    /// Ends it.
+    /// Ends the task.
     pub async fn stop(&self) {
         self.stop.cancel();
         self.tasks.close();
@@ -75,15 +75,15 @@ async fn follow(setup: FollowingSetup, mut last: AuditId, stop: CancellationToke
         }
         let followed = setup.step(&mut last).await;
         match (&followed, failing) {
-            (Err(error), false) => tracing::error!(%error, "what others decide is not seen"),
-            (Ok(()), true) => tracing::info!("what others decide is seen again"),
+            (Err(error), false) => tracing::error!(%error, "others' decisions cannot be read"),
+            (Ok(()), true) => tracing::info!("others' decisions are read again"),
             _ => {}
         }
         failing = followed.is_err();
     }
 }
 
-/// What rows of the audit make out of date.
+/// Records that rows of the audit make outdated.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Outdated {
     ledgers: BTreeSet<RobotId>,
@@ -121,7 +121,7 @@ impl Outdated {
 }
 
 impl FollowingSetup {
-    /// Reads what has come, and takes it.
+    /// Reads the new rows, and updates the outdated records.
     async fn step(&self, last: &mut AuditId) -> Result<(), StoreError> {
         let rows = self
             .store
@@ -143,7 +143,7 @@ impl FollowingSetup {
             if let Some(config) = record.and_then(|record| record.config)
                 && let Err(refused) = self.fleet.configure(robot, config)
             {
-                tracing::error!(robot.id = %robot, %refused, "a robot finds no room here");
+                tracing::error!(robot.id = %robot, %refused, "the robots exceed the limit");
             }
         }
         let ledgers: Vec<_> = outdated.ledgers.into_iter().collect();

@@ -1,15 +1,15 @@
 //! Operations of the service between the fleet and the store.
 //!
-//! Every write of a record is a [`fleetcal_store::Job`] here: it loads records, takes a pure step of
-//! `fleetcal-domain`, and saves, in one transaction. [`accounts`] and [`robots`] have those that
-//! people ask for alone. [`lifecycle`] takes decisions to the store, one at a time for each robot,
-//! and does each second what is due; [`alert_evaluator`] compares every robot with the rules for
-//! alerts; [`webhook_dispatcher`] sends webhooks; [`recording_export`] writes a recording of a robot
-//! as MCAP. What they decide by is pure and is in `fleetcal-domain`. [`entropy`] is where randomness
-//! enters.
+//! Every write of a record is a [`fleetcal_store::Job`] here: it loads records, applies a pure step
+//! of `fleetcal-domain`, and saves, in one transaction. [`accounts`] and [`robots`] have the jobs
+//! that only people request. [`lifecycle`] stores decisions, one at a time for each robot, and
+//! performs due commands each second; [`alert_evaluator`] compares every robot with the rules for
+//! alerts; [`webhook_dispatcher`] sends webhooks; [`recording_export`] writes a recording of a
+//! robot as MCAP. Their decisions are pure functions of `fleetcal-domain`. [`entropy`] is the
+//! source of randomness.
 //!
-//! Of an instance of a cluster [`ownership`] keeps the place, [`following`] hears what others
-//! decide, and [`peers`] has them answer for their own robots.
+//! For an instance of a cluster [`ownership`] keeps its lease and its robots, [`following`] follows
+//! the others' decisions, and [`peers`] forwards requests for their robots to them.
 
 pub mod accounts;
 pub mod alert_evaluator;
@@ -29,5 +29,5 @@ pub mod webhook_dispatcher;
 
 use std::pin::Pin;
 
-/// A future that is compiled in this crate, and not in each that awaits it.
+/// Future that is compiled in this crate, and not in each that awaits it.
 pub type Boxed<T> = Pin<Box<dyn Future<Output = T> + Send>>;

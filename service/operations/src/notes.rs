@@ -1,4 +1,4 @@
-//! Notes that are stored, on their way to the estimators of their robots.
+//! Stored notes on their way to the estimators of their robots.
 
 use fleetcal_domain::limits;
 use fleetcal_fleet::{FleetHandle, Noted};
@@ -7,7 +7,7 @@ use fleetcal_proto::event::RobotEvent;
 use fleetcal_store::{AuditRow, Store, StoreError};
 use serde::Deserialize;
 
-/// A note as the audit has it.
+/// Note in the audit's form.
 #[derive(Debug, Deserialize)]
 struct Document {
     kind: NoteKind,
@@ -16,7 +16,7 @@ struct Document {
     note: Option<String>,
 }
 
-/// The note of a row of the audit; `None` of a row that is none.
+/// Note of a row of the audit; `None` for a row of another kind.
 pub(crate) fn event_of(row: &AuditRow) -> Option<RobotEvent> {
     let document = row.after.clone()?;
     let Document {
@@ -31,8 +31,8 @@ pub(crate) fn event_of(row: &AuditRow) -> Option<RobotEvent> {
     })
 }
 
-/// Brings the estimator of a robot that is estimated here the notes that it has not taken, in the order in
-/// which they were stored. Those that find no room are brought at the next look.
+/// Passes stored notes that a robot's estimator has not processed to it, in their order, if the
+/// robot is estimated here. Notes without room in its mailbox are passed at the next call.
 ///
 /// # Errors
 /// The database's failure.

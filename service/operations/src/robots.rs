@@ -1,4 +1,4 @@
-//! Changes of robots' configurations, and what people note in robots' histories.
+//! Changes of robots' configurations, and people's notes in robots' histories.
 
 #[cfg(test)]
 mod tests;
@@ -18,10 +18,10 @@ use serde_json::Value;
 use crate::Boxed;
 use crate::answers::{made_before, note_made};
 
-/// Keeps a robot's configuration; gives its new version.
+/// Stores a robot's configuration; returns its new version.
 ///
 /// # Errors
-/// [`StoreError::VersionConflict`] when it is not at the expected version; otherwise the database's
+/// [`StoreError::VersionConflict`] if it is not at the expected version; otherwise the database's
 /// failure.
 pub fn configure(
     store: &Store,
@@ -41,11 +41,11 @@ pub fn configure(
     Box::pin(async move { store.transact(job).await })
 }
 
-/// Keeps an event that somebody notes. With a key, a request that was answered before is answered
-/// with the same event again.
+/// Stores the note of a person or tool. With a key, a repeated request is answered with the same
+/// event.
 ///
 /// # Errors
-/// [`StoreError::KeyReused`] when the same key came with another request; otherwise the database's
+/// [`StoreError::KeyReused`] if the key came with another request; otherwise the database's
 /// failure.
 pub fn note(
     store: &Store,
@@ -58,16 +58,16 @@ pub fn note(
     Box::pin(async move { store.transact(job).await })
 }
 
-/// Keeps a robot's configuration; gives its new version.
+/// Job that stores a robot's configuration and returns its new version.
 #[derive(Debug, Clone)]
 pub struct ConfigureRobot {
-    /// Whose.
+    /// Robot of the configuration.
     pub robot: RobotId,
-    /// The configuration.
+    /// New configuration.
     pub config: RobotConfig,
-    /// What must be there now.
+    /// Expected version.
     pub expected: Expected,
-    /// Who.
+    /// Actor of the change.
     pub actor: Actor,
     /// Wall time.
     pub now: WallTime,
@@ -98,7 +98,7 @@ impl Job for ConfigureRobot {
 }
 
 impl ConfigureRobot {
-    /// Who gave the drawing: who changes it, or who gave the one that stays.
+    /// Author of the drawing: the actor who changes it, or the author of an unchanged one.
     fn drawn_by<'a>(&'a self, before: Option<&'a RobotRecord>) -> Option<&'a str> {
         let drawing = self.config.nominal_extrinsics;
         let stood = before.and_then(|before| before.config.as_ref()?.nominal_extrinsics);
@@ -127,20 +127,21 @@ impl ConfigureRobot {
     }
 }
 
-/// A configuration for the audit; it holds finite numbers and text, which JSON can carry.
+/// Record of a configuration for the audit; it holds finite numbers and text, which JSON can
+/// represent.
 fn document(config: &RobotConfig) -> Value {
     serde_json::to_value(config).unwrap_or(Value::Null)
 }
 
-/// Keeps an event that somebody notes. With a key, a request that was answered before is answered
-/// with the same event again.
+/// Job that stores the note of a person or tool. With a key, a repeated request is answered with
+/// the same event.
 #[derive(Debug, Clone)]
 pub struct NoteEvent {
-    /// The event.
+    /// Event of the note.
     pub event: NewEvent,
-    /// Who notes it.
+    /// Author of the note.
     pub actor: Actor,
-    /// The request's key.
+    /// Idempotency key of the request.
     pub key: Option<IdempotencyKey>,
 }
 

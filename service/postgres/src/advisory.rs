@@ -11,12 +11,12 @@ use tokio::time::Instant;
 use crate::connection::Session;
 use crate::servers::Servers;
 
-/// The keys of the lock of the database are ours, as "flee" and "tcal" are read as bytes.
+/// Keys of the database's lock, "flee" and "tcal" read as bytes.
 const DATABASE: (&str, &str) = ("1718379877", "1952670060");
-/// The first key of the lock of a name, "inst" read as bytes.
+/// First key of the lock of a name, "inst" read as bytes.
 pub(crate) const NAME: &str = "1768846196";
 
-/// What is locked.
+/// Object of a lock.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Locked {
     /// The database, for one service.
@@ -27,12 +27,12 @@ pub(crate) enum Locked {
     Name(InstanceId),
 }
 
-/// A lock, held by a connection for as long as this is open.
+/// Lock that a connection holds while it is open.
 #[derive(Debug)]
 pub(crate) struct AdvisoryLock {
     locked: Locked,
-    /// The process of the server for the connection that held it last, and when this began: a server
-    /// may not know yet that the connection is gone.
+    /// Server process of the connection that held it last, and its start: a server may not have
+    /// noticed yet that the connection is gone.
     last: Option<(i64, String)>,
 }
 
@@ -44,7 +44,7 @@ impl Locked {
         }
     }
 
-    /// The two keys, in SQL.
+    /// Returns the two keys, in SQL.
     const fn keys(&self) -> (&'static str, &'static str) {
         match self {
             Self::Alone | Self::Beside => DATABASE,
@@ -52,7 +52,7 @@ impl Locked {
         }
     }
 
-    /// `$1` of the keys.
+    /// Returns the value of `$1` in the keys.
     fn values(&self) -> Vec<Value> {
         match self {
             Self::Alone | Self::Beside => Vec::new(),
@@ -60,7 +60,7 @@ impl Locked {
         }
     }
 
-    /// Why it is not had, while `other` has it.
+    /// Returns the reason for which the lock is unavailable while `other` has it.
     fn refusal(&self, other: &str) -> String {
         match self {
             Self::Alone => format!(
@@ -85,10 +85,10 @@ impl AdvisoryLock {
         Self { locked, last: None }
     }
 
-    /// Takes the lock on a new connection.
+    /// Acquires the lock on a new connection.
     ///
     /// # Errors
-    /// [`StoreError::Server`] when another process has it.
+    /// [`StoreError::Server`] if another process has it.
     pub(crate) async fn take(
         &mut self,
         servers: &Servers,
@@ -134,7 +134,7 @@ impl AdvisoryLock {
         Ok(taken)
     }
 
-    /// Ends the connection that had it, which only the server still believes in.
+    /// Ends the former connection, which is alive for the server alone.
     async fn end_last(&self, session: &mut Session) -> Result<(), StoreError> {
         let Some((pid, _)) = &self.last else {
             return Ok(());
@@ -143,7 +143,8 @@ impl AdvisoryLock {
         asked(session, sql, Vec::new()).await.map(drop)
     }
 
-    /// Who holds the lock: process, when it began, and from where it is connected.
+    /// Returns the holder of the lock: process, its start, and the address that it is connected
+    /// from.
     async fn holder(
         &self,
         session: &mut Session,

@@ -14,12 +14,12 @@ use tokio::time::Instant;
 
 use crate::failure::{Fate, TimedOut};
 
-/// A connection with what its transaction has come to.
+/// A connection with the fate of its transaction.
 #[derive(Debug)]
 pub(crate) struct Session {
     connection: PgConnection,
     fate: Fate,
-    /// Time that a statement has.
+    /// Time limit of a statement.
     within: Duration,
 }
 
@@ -28,7 +28,7 @@ impl Session {
         Self::within(limits::POSTGRES_STATEMENT_TIMEOUT, connection)
     }
 
-    /// One whose statements have this time.
+    /// Makes a session whose statements have this time limit.
     pub(crate) fn within(within: Duration, connection: PgConnection) -> Self {
         Self {
             connection,
@@ -37,7 +37,7 @@ impl Session {
         }
     }
 
-    /// What is left of the transaction.
+    /// Returns the fate of the transaction.
     pub(crate) fn fate(&self) -> Fate {
         self.fate
     }
@@ -52,15 +52,15 @@ impl Session {
         began.map_err(StoreError::database("begin to write"))
     }
 
-    /// Commits. When this fails and the fate is [`Fate::Lost`], the end is not known.
+    /// Commits. If this fails and the fate is [`Fate::Lost`], the outcome is unknown.
     ///
     /// # Errors
-    /// What the driver says.
+    /// The driver's error.
     pub(crate) async fn commit(&mut self) -> Result<(), StatementError> {
         self.run("COMMIT").await
     }
 
-    /// Undoes the transaction; `false` when the connection is lost, which undoes it as well.
+    /// Undoes the transaction; returns `false` if the connection is lost, which undoes it as well.
     pub(crate) async fn roll_back(&mut self) -> bool {
         self.fate != Fate::Lost && self.run("ROLLBACK").await.is_ok()
     }
@@ -90,7 +90,7 @@ impl Session {
         self.noted(ended).map(drop)
     }
 
-    /// Runs a statement whose values are arrays; gives the number of rows written.
+    /// Runs a statement whose values are arrays; returns the number of rows written.
     pub(crate) async fn execute_query(
         &mut self,
         query: sqlx::query::Query<'_, Postgres, PgArguments>,
@@ -99,7 +99,7 @@ impl Session {
         Ok(self.noted(ended)?.rows_affected())
     }
 
-    /// Runs a query whose values may be arrays; gives its rows, each as `T`.
+    /// Runs a query whose values may be arrays; returns its rows, each as `T`.
     pub(crate) async fn fetch<T>(
         &mut self,
         query: QueryAs<'_, Postgres, T, PgArguments>,
@@ -111,7 +111,7 @@ impl Session {
         self.noted(ended)
     }
 
-    /// Undoes what came after a savepoint, whose name the statement has; the transaction goes on.
+    /// Returns to a savepoint, which the statement names; the transaction continues.
     pub(crate) async fn return_to(
         &mut self,
         roll_back: &'static str,
@@ -121,7 +121,7 @@ impl Session {
         Ok(())
     }
 
-    /// Writes rows in the text format of `COPY`, within a time.
+    /// Writes rows in the text format of `COPY`, within a time limit.
     pub(crate) async fn copy_in(
         &mut self,
         sql: &str,
@@ -147,7 +147,7 @@ impl Session {
         self.noted(ended)
     }
 
-    /// Keeps what an error means for the transaction.
+    /// Updates the transaction's fate by an error.
     fn noted<T>(&mut self, ended: Result<T, sqlx::Error>) -> Result<T, StatementError> {
         ended.map_err(|error| {
             self.fate = self.fate.max(Fate::after(&error));
@@ -181,17 +181,17 @@ impl Connection for Session {
     }
 }
 
-/// The connections that only read.
+/// Connections for reading.
 #[derive(Debug)]
 pub(crate) struct ReadPool {
     pub(crate) pool: PgPool,
-    /// Until when no server can be used, as far as is known.
+    /// Time until which no server is known to be usable.
     pub(crate) away_until: watch::Receiver<Option<Instant>>,
 }
 
 impl ReadPool {
-    /// Ends shortly after it is known that no server can be used: sqlx's pool tries again and again,
-    /// and who reads would wait for seconds.
+    /// Completes shortly after all servers are known to be unusable: sqlx's pool tries again and
+    /// again, and readers would wait for seconds.
     async fn until_away(&self) {
         let mut away_until = self.away_until.clone();
         let is_away = |until: &Option<Instant>| until.is_some_and(|until| until > Instant::now());
@@ -240,14 +240,14 @@ impl Pool for ReadPool {
     }
 }
 
-/// What a future gives within the time of a statement.
+/// Awaits a future within the time limit of a statement.
 pub(crate) async fn in_time<T>(
     future: impl Future<Output = Result<T, sqlx::Error>>,
 ) -> Result<T, sqlx::Error> {
     in_time_of(limits::POSTGRES_STATEMENT_TIMEOUT, future).await
 }
 
-/// What a future gives within a time.
+/// Awaits a future within a time limit.
 pub(crate) async fn in_time_of<T>(
     within: Duration,
     future: impl Future<Output = Result<T, sqlx::Error>>,
@@ -260,7 +260,7 @@ pub(crate) async fn in_time_of<T>(
     tokio::time::timeout(within, future).await.map_err(late)?
 }
 
-/// The statement with its values. sqlx keeps it prepared by its text, which no value enters.
+/// Prepares a statement with its values. sqlx caches it by its text, which contains no values.
 fn prepared(statement: Statement) -> sqlx::query::Query<'static, Postgres, PgArguments> {
     let query = sqlx::query(AssertSqlSafe(statement.sql.into_owned()));
     statement
@@ -276,7 +276,7 @@ fn prepared(statement: Statement) -> sqlx::query::Query<'static, Postgres, PgArg
         })
 }
 
-/// A text as PostgreSQL can keep it: it has no NUL, which a robot's note may hold, and a batch that
+/// Replaces NUL in a text, which PostgreSQL cannot store and a robot's note may hold: a batch that
 /// it refused would be written again for ever.
 fn without_nul(text: String) -> String {
     if text.contains('\0') {

@@ -12,24 +12,24 @@ use crate::history::{self, DAY_S};
 use crate::schema;
 use crate::servers::{Purpose, Servers};
 
-/// Tables that a new schema has a row in.
+/// Tables in which a new schema has a row.
 const SEEDED: [&str; 2] = ["site", "policy"];
 
-/// What is noted of days whose seconds did not come one by one.
+/// Statement that records the days whose seconds were copied in bulk.
 const DAYS_COPIED: &str = "\
 UPDATE history_day AS d SET (received, row_count) = (
     SELECT coalesce(max(s.received), 0), count(*) FROM history_second AS s
     WHERE s.t >= d.day * 86400 AND s.t < (d.day + 1) * 86400)";
 
-/// Copies every table of `from` into the database of `setup`, which is brought to this program's
-/// schema and must be empty. All of it is one transaction: what is broken off leaves nothing behind
-/// and can be run again. Each table is read again at the end and must say the same as in `from`.
+/// Copies every table of `from` into the database of `setup`, which is migrated to this program's
+/// schema and must be empty. All of it is one transaction: an interrupted copy leaves nothing
+/// behind and can be repeated. Each table is read again at the end and must equal that of `from`.
 ///
-/// `copied` is told how many more rows are there. Gives what each table holds.
+/// `copied` receives the number of rows of each batch. Returns the content of each table.
 ///
 /// # Errors
-/// [`StoreError::Server`] when the database is not empty or a table does not say the same, else
-/// the failure of either database.
+/// [`StoreError::Server`] if the database is not empty or a table differs, else the failure of
+/// either database.
 pub async fn copy(
     from: &mut dyn Connection,
     setup: PostgresSetup,
@@ -97,8 +97,7 @@ async fn copy_tables(
     Ok(contents)
 }
 
-/// Makes the partitions of the latest days of which there are seconds; older ones are pruned row by
-/// row.
+/// Makes the partitions of the latest days with seconds; older ones are pruned row by row.
 async fn add_days(from: &mut dyn Connection, to: &mut Target) -> Result<(), StoreError> {
     let newest = from
         .rows(statement(
@@ -124,7 +123,7 @@ fn statement(sql: String) -> Statement {
     }
 }
 
-/// The transaction that is copied into.
+/// Transaction that rows are copied into.
 struct Target(Session);
 
 #[async_trait]

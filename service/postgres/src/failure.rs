@@ -5,43 +5,44 @@ use std::fmt;
 use sqlx::Error;
 use thiserror::Error;
 
-/// What is left of a transaction after a statement.
+/// Fate of a transaction after a statement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Fate {
-    /// All of it.
+    /// The transaction is intact.
     Well,
-    /// It can only be undone.
+    /// The transaction can only be undone.
     Aborted,
-    /// It can only be undone, and may succeed when it is run again: another one stood in its way.
+    /// The transaction can only be undone, and may succeed on a retry: it conflicted with another
+    /// one.
     Conflict,
-    /// Nothing is known: the connection cannot be used any more.
+    /// Its state is unknown, and the connection is no longer usable.
     Lost,
 }
 
 /// SQLSTATEs of PostgreSQL, appendix A of its manual.
 pub(crate) mod state {
-    /// A transaction could not be brought into an order with others.
+    /// A transaction could not be serialized with others.
     pub const SERIALIZATION_FAILURE: &str = "40001";
     /// Two transactions waited for each other.
     pub const DEADLOCK: &str = "40P01";
-    /// A lock was not had within `lock_timeout`.
+    /// A lock was not available within `lock_timeout`.
     pub const LOCK_NOT_AVAILABLE: &str = "55P03";
-    /// Another one has the same key.
+    /// A row with the same key exists.
     pub const UNIQUE_VIOLATION: &str = "23505";
     /// The server is a standby.
     pub const READ_ONLY: &str = "25006";
-    /// The role may not do it.
+    /// The role lacks the privilege.
     pub const INSUFFICIENT_PRIVILEGE: &str = "42501";
     /// The user's password is wrong, or the user may not sign in.
     pub const REFUSED: [&str; 2] = ["28P01", "28000"];
-    /// The class of those by which a server ends a connection.
+    /// Class of states with which a server ends a connection.
     pub const OPERATOR_INTERVENTION: &str = "57P";
-    /// The class of those about the connection itself.
+    /// Class of states about the connection itself.
     pub const CONNECTION: &str = "08";
 }
 
 impl Fate {
-    /// What an error leaves.
+    /// Returns the fate after an error.
     pub(crate) fn after(error: &Error) -> Self {
         let Error::Database(told) = error else {
             return match error {
@@ -70,14 +71,14 @@ impl Fate {
     }
 }
 
-/// A statement did not end in time.
+/// Error of a statement that exceeded its time limit.
 #[derive(Debug, Error)]
 #[error("the database did not answer within {seconds} s")]
 pub(crate) struct TimedOut {
     pub(crate) seconds: f32,
 }
 
-/// Why a server cannot be used, as one clause behind the server's name.
+/// Reason for which a server cannot be used, as one clause behind the server's name.
 pub(crate) struct Unusable<'e>(pub(crate) &'e Error);
 
 impl fmt::Display for Unusable<'_> {

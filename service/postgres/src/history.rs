@@ -22,18 +22,18 @@ const HOUR_S: i64 = 3_600;
 const MINUTE_S: i64 = 60;
 const NS_PER_S: i64 = 1_000_000_000;
 
-/// What of the history this process has yet to do.
+/// Pending work of this process on the history.
 #[derive(Debug)]
 pub(crate) struct History {
-    /// Days since the epoch whose partitions are there.
+    /// Days since the epoch whose partitions exist.
     days: BTreeSet<i64>,
-    /// Minutes that are to be rolled up: robot's key and first second.
+    /// Minutes to be rolled up: robot's key and first second.
     minutes: BTreeSet<(i64, i64)>,
     rolled_up_at: Instant,
 }
 
 impl History {
-    /// One that has nothing to do yet.
+    /// Makes a history without pending work.
     pub(crate) fn new() -> Self {
         Self {
             days: BTreeSet::new(),
@@ -42,7 +42,7 @@ impl History {
         }
     }
 
-    /// Looks for seconds that were not rolled up.
+    /// Finds seconds that were not rolled up.
     ///
     /// # Errors
     /// The database's failure.
@@ -52,7 +52,7 @@ impl History {
         Ok(history)
     }
 
-    /// Looks for seconds of robots, by their keys, that were not rolled up.
+    /// Finds seconds of robots, by their keys, that were not rolled up.
     ///
     /// # Errors
     /// The database's failure.
@@ -67,7 +67,7 @@ impl History {
         })
     }
 
-    /// Writes seconds; one that is there already is overwritten.
+    /// Writes seconds, overwriting existing ones.
     ///
     /// # Errors
     /// The database's failure.
@@ -100,7 +100,7 @@ impl History {
         Ok(written)
     }
 
-    /// Takes what a transaction wrote, once it is committed.
+    /// Adds the writes of a committed transaction.
     pub(crate) fn take(&mut self, written: Written) {
         self.days.extend(written.days);
         // Yesterday's are of no use any more.
@@ -110,8 +110,8 @@ impl History {
         self.minutes.extend(written.minutes);
     }
 
-    /// What is to be rolled up next, when it is time or `everything` is asked for; in parts that
-    /// are committed each by itself.
+    /// Returns the minutes to be rolled up next, if it is time or `everything` is requested; in
+    /// parts that are committed one by one.
     pub(crate) fn next_part(&self, everything: bool) -> Option<Vec<(i64, i64)>> {
         let is_time = self.rolled_up_at.elapsed() >= limits::POSTGRES_ROLL_UP_EVERY
             || self.minutes.len() > limits::POSTGRES_ROLL_UP_WAITING_MAX;
@@ -122,14 +122,14 @@ impl History {
         Some(part.copied().collect())
     }
 
-    /// Whether seconds before `before_s`, which are to go, are not rolled up yet: while somebody
-    /// replays old ones.
+    /// True if seconds before `before_s`, which are to be deleted, are not rolled up yet: while
+    /// somebody replays old ones.
     pub(crate) fn reaches(&self, before_s: i64) -> bool {
         let mut minutes = self.minutes.iter();
         minutes.any(|&(_, minute_s)| minute_s < before_s)
     }
 
-    /// Takes a part that was rolled up and committed.
+    /// Removes a part that was rolled up and committed.
     pub(crate) fn rolled_up(&mut self, part: &[(i64, i64)]) {
         for minute in part {
             self.minutes.remove(minute);
@@ -140,14 +140,14 @@ impl History {
     }
 }
 
-/// What one transaction wrote, or found written.
+/// Seconds that one transaction wrote, or found.
 #[derive(Debug, Default)]
 pub(crate) struct Written {
     days: BTreeSet<i64>,
     minutes: BTreeSet<(i64, i64)>,
 }
 
-/// Minutes of which seconds were not rolled up; `asked` takes the robots.
+/// Returns the minutes with seconds that were not rolled up; `robots` are the values of `asked`.
 async fn not_rolled_up(
     session: &mut Session,
     asked: &str,
@@ -162,12 +162,12 @@ async fn not_rolled_up(
     Ok(rows.into_iter().collect())
 }
 
-/// First second of the stretch of this length that `t_s` is in.
+/// Returns the first second of the stretch of this length that contains `t_s`.
 const fn start(t_s: i64, length_s: i64) -> i64 {
     t_s - t_s.rem_euclid(length_s)
 }
 
-/// Makes a day's partition, unless it is there.
+/// Makes a day's partition, unless it exists.
 ///
 /// # Errors
 /// The database's failure.
@@ -204,8 +204,8 @@ pub(crate) async fn roll_up(
     Ok(())
 }
 
-/// Writes seconds, which are new as a rule: `COPY` logs half as much as an `INSERT` that looks for
-/// each row's key. Those that are there already go before.
+/// Writes seconds, which are usually new: `COPY` logs half as much as an `INSERT` that looks for
+/// each row's key. Existing ones are deleted first.
 async fn insert(
     session: &mut Session,
     seconds: &BTreeMap<(i64, i64), &HistoryRow>,
@@ -230,16 +230,16 @@ async fn insert(
     note_days(session, days).await
 }
 
-/// What was written of a day.
+/// Writes to a day.
 #[derive(Debug, Default)]
 struct DayWritten {
-    /// When the newest of it was received, s.
+    /// Time at which its newest row was received, s.
     received_s: i64,
-    /// By how much its rows are more.
+    /// Growth of its number of rows.
     more: i64,
 }
 
-/// The days of seconds that are all new.
+/// Returns the days of seconds that are all new.
 fn days_of(seconds: &BTreeMap<(i64, i64), &HistoryRow>) -> BTreeMap<i64, DayWritten> {
     let mut days: BTreeMap<i64, DayWritten> = BTreeMap::new();
     for (&(_, t_s), row) in seconds {
@@ -250,7 +250,7 @@ fn days_of(seconds: &BTreeMap<(i64, i64), &HistoryRow>) -> BTreeMap<i64, DayWrit
     days
 }
 
-/// Deletes seconds by their robots and times; gives how many were there.
+/// Deletes seconds by their robots and times; returns the number of deleted rows.
 async fn delete(
     session: &mut Session,
     (keys, t_s): (Vec<i64>, Vec<i64>),
@@ -263,7 +263,7 @@ async fn delete(
     Ok(deleted.cast_signed())
 }
 
-/// Notes what was written of each day, by which it is dropped one day.
+/// Records the writes to each day, by which it is dropped later.
 async fn note_days(
     session: &mut Session,
     days: BTreeMap<i64, DayWritten>,
@@ -280,7 +280,7 @@ async fn note_days(
     Ok(())
 }
 
-/// Seconds in the text format of `COPY`, in the order of [`columns`].
+/// Formats seconds in the text format of `COPY`, in the order of [`columns`].
 fn copied(seconds: &BTreeMap<(i64, i64), &HistoryRow>) -> Vec<u8> {
     fn cell(value: Option<f64>) -> String {
         value.map_or_else(|| "\\N".to_owned(), |value| value.to_string())
@@ -298,7 +298,7 @@ fn copied(seconds: &BTreeMap<(i64, i64), &HistoryRow>) -> Vec<u8> {
     lines.collect::<String>().into_bytes()
 }
 
-/// The columns of a second beside its key.
+/// Returns the columns of a second other than its key.
 fn columns() -> Vec<String> {
     let parameters = Parameter::ALL.iter().flat_map(|parameter| {
         let p = parameter.name();
@@ -316,7 +316,7 @@ static COPY: LazyLock<String> = LazyLock::new(|| {
     format!("COPY history_second (robot, t, {columns}) FROM STDIN")
 });
 
-/// Takes these columns from the new row.
+/// Writes the assignment of these columns from the new row.
 fn overwritten(columns: &[String]) -> String {
     let set: Vec<String> = columns
         .iter()
@@ -325,13 +325,13 @@ fn overwritten(columns: &[String]) -> String {
     set.join(", ")
 }
 
-/// Seconds behind the last minute that was rolled up, and those of that minute.
+/// Query for seconds after the last minute that was rolled up, and those of that minute.
 const NOT_ROLLED_UP: &str = "\
 SELECT DISTINCT s.robot, s.t - ((s.t % 60) + 60) % 60
 FROM robot AS r JOIN history_second AS s ON s.robot = r.key AND s.t >= coalesce(
     (SELECT max(m.t) FROM history_minute AS m WHERE m.robot = r.key), -9223372036854775808)";
 
-/// Makes minutes again from their seconds: keys and starts, as arrays.
+/// Statement that makes minutes again from their seconds: keys and starts, as arrays.
 static MINUTES: LazyLock<String> = LazyLock::new(|| {
     let mut values = Vec::new();
     for parameter in Parameter::ALL {
@@ -353,8 +353,8 @@ static MINUTES: LazyLock<String> = LazyLock::new(|| {
     )
 });
 
-/// Makes hours again from their minutes: keys and starts, as arrays. Means are weighted by the
-/// minutes' counts.
+/// Statement that makes hours again from their minutes: keys and starts, as arrays. Means are
+/// weighted by the minutes' counts.
 static HOURS: LazyLock<String> = LazyLock::new(|| {
     let weighted = |mean: &str, column: &str| {
         format!("sum({mean} * s.count) / sum(s.count) FILTER (WHERE s.{column} IS NOT NULL)")
@@ -384,8 +384,8 @@ static HOURS: LazyLock<String> = LazyLock::new(|| {
     )
 });
 
-/// A heading within half a turn of the stretch's first one: a LiDAR that looks backwards would
-/// otherwise have a mean of zero. Other parameters are as they are.
+/// Returns an expression for a heading within half a turn of the stretch's first one: a LiDAR that
+/// looks backwards would otherwise have a mean of zero. Other parameters are unchanged.
 fn in_turn(parameter: Parameter, value: &str, centre: &str) -> String {
     match parameter {
         Parameter::LidarYaw => format!(
@@ -396,7 +396,7 @@ fn in_turn(parameter: Parameter, value: &str, centre: &str) -> String {
     }
 }
 
-/// Overwrites rows of `table` with what `values` makes of the rows of `source`.
+/// Makes the statement that overwrites rows of `table` with `values` over the rows of `source`.
 fn roll_up_statement(
     table: &str,
     values: &str,
@@ -444,7 +444,7 @@ mod tests {
         }
     }
 
-    /// Old rows are looked for every second: this alone rolls nothing up.
+    /// Checks that the search for old rows, once a second, does not itself start a roll-up.
     #[test]
     fn what_was_written_just_now_waits_for_its_time() {
         let mut history = with_minutes((0..1_000).map(|robot| (robot, NOW_S)));
@@ -465,7 +465,7 @@ mod tests {
         assert_eq!(parts, 2);
     }
 
-    /// While somebody replays a year at once.
+    /// Checks the limit on waiting minutes while somebody replays a year at once.
     #[test]
     fn no_more_minutes_wait_than_may() {
         let waiting = limits::POSTGRES_ROLL_UP_WAITING_MAX as i64;

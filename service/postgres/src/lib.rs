@@ -43,15 +43,15 @@ pub use schema::migrate;
 pub use testing::{create_for_test, fill_day_for_test, spent_for_test};
 pub use writer::JobRuns;
 
-/// A future that is compiled in this crate, and not in each that awaits it.
+/// Future that is compiled in this crate instead of each that awaits it.
 pub type Boxed<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
-/// Where the database is, and the password.
+/// Address and password of the database.
 #[derive(Debug, Clone)]
 pub struct PostgresSetup {
-    /// Where it is.
+    /// Address of the database.
     pub url: PostgresUrl,
-    /// The file whose first line is the password; without one, `PGPASSFILE` counts.
+    /// File whose first line is the password; without one, `PGPASSFILE` applies.
     pub password_file: Option<PathBuf>,
 }
 
@@ -59,11 +59,11 @@ pub struct PostgresSetup {
 #[derive(Debug)]
 struct Open {
     servers: Arc<Servers>,
-    /// The newest migration when it was opened: this program's, or a newer one that it may use.
+    /// Newest migration when it was opened: this program's, or a newer one that it may use.
     schema: i64,
-    /// Of an instance of a cluster.
+    /// Registry of a cluster instance.
     registry: Option<Arc<Registry>>,
-    /// Held as long as the store.
+    /// Guard that lives as long as the store.
     _held: Box<dyn std::fmt::Debug + Send + Sync>,
 }
 
@@ -83,12 +83,13 @@ impl Database for Open {
     }
 }
 
-/// Opens the store, which no other service may have open, and brings the database to this program's
-/// schema. `held` goes with the store.
+/// Opens the store, which no other service may have open, and migrates the database to this
+/// program's schema. `held` is dropped with the store.
 ///
 /// # Errors
-/// [`StoreError::Server`] when no server can be used or another service has it open, [`StoreError::NewerSchema`] when a newer
-/// program wrote the database, and whatever else keeps it from being opened.
+/// [`StoreError::Server`] if no server can be used or another service has it open,
+/// [`StoreError::NewerSchema`] if a newer program wrote the database, or another error of opening
+/// it.
 pub fn open(
     setup: PostgresSetup,
     held: Box<dyn std::fmt::Debug + Send + Sync>,
@@ -97,9 +98,9 @@ pub fn open(
     open_with(setup, held, clock, JobRuns::Once, Sharing::Alone)
 }
 
-/// Opens the store for an instance of a cluster, beside other instances and not beside a service
-/// that is alone. It has no robots yet: what is handed over of one is written once the store's claims
-/// have its tenure. `held` goes with the store.
+/// Opens the store for an instance of a cluster, beside other instances but not beside a service
+/// that is alone. It has no robots yet: rows of a robot are written once the store's claims have
+/// its tenure. `held` is dropped with the store.
 ///
 /// # Errors
 /// As [`open`].
@@ -113,15 +114,15 @@ pub fn open_instance(
     open_with(setup, held, clock, JobRuns::Once, sharing)
 }
 
-/// Who may have a database open.
+/// Other processes that may have a database open.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[doc(hidden)]
 pub enum Sharing {
-    /// One service.
+    /// One service alone.
     Alone,
-    /// Instances of a cluster, of which this is one.
+    /// Instances of a cluster, including this one.
     Instance(InstanceId, Fencing),
-    /// Others as well: what a test has.
+    /// Any others, for tests.
     WithOthers,
 }
 
@@ -135,7 +136,7 @@ impl Sharing {
     }
 }
 
-/// The same, with jobs that may be run twice, and beside others.
+/// Opens the store with jobs that may be run twice, and beside others.
 ///
 /// # Errors
 /// As [`open`].
@@ -187,8 +188,8 @@ pub fn open_with(
 /// Opens the database for administration. The schema must be one that this program may use.
 ///
 /// # Errors
-/// [`StoreError::Server`] when no server can be used, [`StoreError::OtherSchema`] when the database
-/// has another schema.
+/// [`StoreError::Server`] if no server can be used, [`StoreError::OtherSchema`] if the database has
+/// another schema.
 pub fn administration(setup: PostgresSetup) -> Boxed<'static, Result<Administration, StoreError>> {
     Box::pin(async move {
         let servers = Arc::new(Servers::new(setup)?);

@@ -12,14 +12,14 @@ use crate::connection::Session;
 use crate::failure::Fate;
 use crate::servers::{Purpose, Servers};
 
-/// A connection that is opened again after it was lost.
+/// Connection that is reopened after a loss.
 #[derive(Debug)]
 pub(crate) struct Line {
     servers: Arc<Servers>,
     purpose: Purpose,
-    /// `None` until the next transaction opens one.
+    /// Session; `None` until the next transaction opens one.
     pub(crate) session: Option<Session>,
-    /// What every connection of this line holds.
+    /// Lock that every connection of this line holds.
     lock: Option<AdvisoryLock>,
     /// Keys of the robots of committed transactions.
     keys: Keys,
@@ -45,11 +45,11 @@ impl Line {
         &self.servers
     }
 
-    /// Begins a transaction; gives its connection, with what else it needs. A connection that was
-    /// lost while nobody used it is opened again.
+    /// Begins a transaction; returns its connection, with the known keys. A connection that was
+    /// lost while idle is reopened.
     ///
     /// # Errors
-    /// As of connecting; [`StoreError::Database`].
+    /// Errors of connecting; [`StoreError::Database`].
     pub(crate) async fn begin(
         &mut self,
         begin: &'static str,
@@ -74,7 +74,8 @@ impl Line {
         Ok((self.session.insert(session), &mut self.keys))
     }
 
-    /// Takes its connection out, unless it was lost: one that is not put back is opened again.
+    /// Takes its connection out, unless it was lost; if it is not put back, the next use opens
+    /// another.
     pub(crate) fn take_usable(&mut self) -> Option<Session> {
         let session = self.session.take();
         session.filter(|session| session.fate() != Fate::Lost)
@@ -87,7 +88,7 @@ impl Line {
     }
 }
 
-/// Begins a transaction on a connection; gives none when it was lost before.
+/// Begins a transaction on a connection; returns `None` if the connection was lost before.
 async fn begun(mut session: Session, begin: &'static str) -> Result<Option<Session>, StoreError> {
     let asked_at = Instant::now();
     match session.begin(begin).await {

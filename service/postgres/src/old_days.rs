@@ -19,7 +19,7 @@ pub(crate) struct OldDays {
 }
 
 impl OldDays {
-    /// Whether there are days of which every second was received before `before_s`.
+    /// True if there are days all of whose seconds were received before `before_s`.
     ///
     /// # Errors
     /// The database's failure.
@@ -39,8 +39,8 @@ impl OldDays {
         Ok(!rows.is_empty())
     }
 
-    /// Gives the rows that were dropped since it was asked last, and begins to drop those days when
-    /// they `are_there`.
+    /// Returns the number of rows that were dropped since the last call, and begins to drop those
+    /// days if they `are_there`.
     ///
     /// # Errors
     /// The database's failure since then.
@@ -75,8 +75,8 @@ impl Drop for OldDays {
     }
 }
 
-/// Drops the days of which every second was received before `before_s`; gives the number of rows.
-/// None while somebody reads them for long: they are dropped the next time.
+/// Drops the days all of whose seconds were received before `before_s`; returns the number of rows.
+/// Days with a long-running reader stay until the next time.
 ///
 /// # Errors
 /// The database's failure.

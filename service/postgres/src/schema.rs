@@ -17,13 +17,13 @@ use crate::servers::{Purpose, Servers};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../../migrations/postgres");
 
-/// The newest migration in this program.
+/// Returns the newest migration in this program.
 pub(crate) fn known() -> i64 {
     let versions = MIGRATIONS.iter().map(|migration| migration.version);
     versions.max().unwrap_or(0)
 }
 
-/// The newest migration of the database; `None` when it has no table of ours.
+/// Returns the newest migration of the database; `None` if it has no table of ours.
 pub(crate) async fn found(session: &mut Session) -> Result<Option<i64>, StoreError> {
     let asked = Statement {
         sql: "SELECT to_regclass('_sqlx_migrations') IS NOT NULL".into(),
@@ -38,7 +38,7 @@ pub(crate) async fn found(session: &mut Session) -> Result<Option<i64>, StoreErr
     schema_version(session).await.map(Some)
 }
 
-/// Whether this program may use a database whose newest migration is `found`.
+/// True if this program may use a database whose newest migration is `found`.
 pub(crate) async fn may_use(session: &mut Session, found: i64) -> Result<bool, StoreError> {
     if found <= known() {
         return Ok(found == known());
@@ -53,12 +53,12 @@ pub(crate) async fn may_use(session: &mut Session, found: i64) -> Result<bool, S
     Ok(matches!(oldest, Some(Value::Integer(Some(oldest))) if *oldest <= known()))
 }
 
-/// Brings the database to this program's schema, unless it has one that this program may use: so a
-/// role that may not change tables serves a database that another role has brought up to date. Gives
+/// Migrates the database to this program's schema, unless it has one that this program may use: so
+/// a role that may not change tables can serve a database that another role has migrated. Returns
 /// its newest migration.
 ///
 /// # Errors
-/// [`StoreError::NewerSchema`], [`StoreError::Migration`], or that of connecting.
+/// [`StoreError::NewerSchema`], [`StoreError::Migration`], or an error of connecting.
 pub(crate) async fn bring(servers: &Servers) -> Result<i64, StoreError> {
     let mut session = Session::new(servers.connect(Purpose::Records).await?);
     let found = found(&mut session).await?.unwrap_or(0);
@@ -73,10 +73,10 @@ pub(crate) async fn bring(servers: &Servers) -> Result<i64, StoreError> {
     run(servers).await.map(|_| known())
 }
 
-/// Brings the database of `setup` to this program's schema and lets the role `serve_as` use it.
+/// Migrates the database of `setup` to this program's schema and lets the role `serve_as` use it.
 ///
 /// # Errors
-/// As of opening it; [`StoreError::Server`] when `serve_as` is no role of the server.
+/// Errors of opening it; [`StoreError::Server`] if the server has no role `serve_as`.
 pub async fn migrate(setup: PostgresSetup, serve_as: Option<&str>) -> Result<(), StoreError> {
     let servers = Servers::new(setup)?;
     let connection = run(&servers).await?;
@@ -88,7 +88,7 @@ pub async fn migrate(setup: PostgresSetup, serve_as: Option<&str>) -> Result<(),
     Ok(())
 }
 
-/// Runs the migrations. Two processes that start at once take turns: sqlx holds an advisory lock.
+/// Runs the migrations. Two processes that start at once alternate: sqlx holds an advisory lock.
 async fn run(servers: &Servers) -> Result<PgConnection, StoreError> {
     let mut connection = servers.connect(Purpose::Migration).await?;
     let migrating = MIGRATIONS.run_direct(None, &mut connection, false);
@@ -108,13 +108,13 @@ async fn run(servers: &Servers) -> Result<PgConnection, StoreError> {
     }
 }
 
-/// Migrations did not end in time.
+/// Makes the error of migrations that exceeded their time limit.
 fn late() -> sqlx::Error {
     let seconds = limits::POSTGRES_BULK_TIMEOUT.as_secs_f32();
     sqlx::Error::Io(std::io::Error::other(TimedOut { seconds }))
 }
 
-/// Whether the role lacks the rights.
+/// True if the role lacks the rights.
 fn may_not(error: &MigrateError) -> bool {
     let (MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _)) = error else {
         return false;
@@ -131,7 +131,8 @@ fn newer(servers: &Servers, found: i64) -> StoreError {
     }
 }
 
-/// What the role that serves may do: read and write rows, but neither change tables nor the audit.
+/// Grants the serving role its rights: read and write rows, but change neither tables nor the
+/// audit.
 async fn grant(servers: &Servers, session: &mut Session, role: &str) -> Result<(), StoreError> {
     let refused = |reason: String| StoreError::Server {
         database: servers.name(),

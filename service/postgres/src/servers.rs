@@ -18,42 +18,44 @@ use crate::PostgresSetup;
 use crate::connection::{ReadPool, Session, in_time, in_time_of};
 use crate::failure::Unusable;
 
-/// The oldest PostgreSQL, as its `server_version_num`.
+/// Oldest supported PostgreSQL, as its `server_version_num`.
 const VERSION_MIN: i32 = 150_000;
 
-/// For so long after a vain attempt the database counts as away; telemetry makes one each second.
+/// Time for which the database counts as away after a failed attempt; telemetry makes one each
+/// second.
 const AWAY_FOR: Duration = limits::POSTGRES_CONNECT_TIMEOUT.saturating_mul(2);
 
-/// A client whose machine is gone in the middle of a statement holds its locks for five seconds at most,
-/// less than a lease lasts: while the server waits for the rest of a statement, no statement's time runs.
+/// Settings by which a client whose machine is lost in the middle of a statement holds its locks
+/// for five seconds at most, less than a lease lasts: while the server waits for the rest of a
+/// statement, its time limit does not run.
 const LOST_CLIENT: &str = "SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 2; \
      SET tcp_keepalives_interval = 1; SET tcp_keepalives_count = 3; SET tcp_user_timeout = '4s'";
 
-/// What a connection is for.
+/// Purpose of a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Purpose {
-    /// Jobs. No time limit at the server: a commit that is cancelled there may have been made.
+    /// Jobs. The server has no time limit: a commit that is cancelled there may have succeeded.
     Records,
-    /// Telemetry. A commit waits for the server's disk and for no standby: what is lost with the
-    /// machine is a second.
+    /// Telemetry. A commit waits for the server's disk but not for a standby: a loss of the machine
+    /// costs a second.
     Telemetry,
-    /// An instance's lease: what is lost of it with the machine makes it shorter.
+    /// An instance's lease: a loss of the machine makes it shorter.
     Lease,
-    /// Who estimates what. A commit waits for the disk, since an epoch that was given out must not be
-    /// given again, and not for a standby: a promotion raises the next epoch by itself.
+    /// Ownership of robots. A commit waits for the disk, since an epoch must never be assigned
+    /// twice, but not for a standby: a promotion raises the next epoch by itself.
     Ownership,
-    /// Dropping old days. Whoever reads them is waited for shortly, since others wait behind.
+    /// Dropping old days. The wait for their readers is short, since others wait behind.
     Retention,
-    /// Counting tries to sign in over all instances.
+    /// Counting attempts to sign in over all instances.
     Tries,
     /// Reading.
     Reading,
-    /// Bringing the schema up to date.
+    /// Migrating the schema.
     Migration,
 }
 
 impl Purpose {
-    /// Time that a statement has.
+    /// Returns the time limit of a statement.
     const fn within(self) -> Duration {
         match self {
             Self::Lease | Self::Ownership | Self::Tries => limits::CLUSTER_STATEMENT_TIMEOUT,
@@ -61,13 +63,13 @@ impl Purpose {
         }
     }
 
-    /// What is set when such a connection is opened.
+    /// Returns the settings of a new connection.
     fn settings(self) -> String {
         let lost_client = if self.locks_rows() { LOST_CLIENT } else { "" };
         format!("{}; {lost_client}", self.own_settings())
     }
 
-    /// Whether others wait for what a transaction on it has locked.
+    /// True if others wait for locks of its transactions.
     const fn locks_rows(self) -> bool {
         matches!(
             self,
@@ -75,7 +77,7 @@ impl Purpose {
         )
     }
 
-    /// What is set beside [`LOST_CLIENT`].
+    /// Returns the settings besides [`LOST_CLIENT`].
     const fn own_settings(self) -> &'static str {
         match self {
             Self::Records => {
@@ -110,23 +112,23 @@ impl Purpose {
     }
 }
 
-/// The servers, and which of them was writable last.
+/// The servers, and the index of the one that was writable last.
 #[derive(Debug)]
 pub(crate) struct Servers {
     url: PostgresUrl,
-    /// In the order of the URL.
+    /// Options in the order of the URL.
     options: Vec<PgConnectOptions>,
     current: AtomicUsize,
     readers: OnceLock<PgPool>,
-    /// Until when the database counts as away.
+    /// Time until which the database counts as away.
     away_until: watch::Sender<Option<Instant>>,
 }
 
 impl Servers {
-    /// Reads the password.
+    /// Reads the password and makes the options.
     ///
     /// # Errors
-    /// [`StoreError::Server`] when its file cannot be read.
+    /// [`StoreError::Server`] if its file cannot be read.
     pub(crate) fn new(setup: PostgresSetup) -> Result<Self, StoreError> {
         let PostgresSetup { url, password_file } = setup;
         let unreadable = |reason: String| StoreError::Server {
@@ -154,22 +156,21 @@ impl Servers {
         })
     }
 
-    /// Where the database is, without a password.
+    /// Returns the address of the database, without a password.
     pub(crate) fn name(&self) -> String {
         self.url.to_string()
     }
 
-    /// The role that signs in.
+    /// Returns the role that signs in.
     pub(crate) fn user(&self) -> &str {
         &self.url.user
     }
 
-    /// Connects to the server that can be written. The one that was last is asked first, and each
-    /// further one a moment later or when that one refused: so a server that never answers keeps
-    /// nobody from the next.
+    /// Connects to the writable server. The last writable one is tried first, and each further one
+    /// a moment later or after a refusal: so a server that never answers does not delay the next.
     ///
     /// # Errors
-    /// [`StoreError::Server`], which says what is wrong with each.
+    /// [`StoreError::Server`], with the reason for each server.
     pub(crate) async fn connect(&self, purpose: Purpose) -> Result<PgConnection, StoreError> {
         let count = self.options.len();
         let first = self.current.load(Ordering::Relaxed);
@@ -209,16 +210,16 @@ impl Servers {
         })
     }
 
-    /// The same, as a session.
+    /// Connects as [`Self::connect`] and makes a session.
     ///
     /// # Errors
-    /// As [`Self::connect`].
+    /// Errors of [`Self::connect`].
     pub(crate) async fn session(&self, purpose: Purpose) -> Result<Session, StoreError> {
         let connection = self.connect(purpose).await?;
         Ok(Session::within(purpose.within(), connection))
     }
 
-    /// Notes which server can be written; readers go there from now on.
+    /// Records the writable server; readers connect to it from now on.
     fn found(&self, index: usize) {
         if self.current.swap(index, Ordering::Relaxed) != index {
             tracing::warn!(server = %self.url.servers[index], "another server can be written now");
@@ -228,7 +229,7 @@ impl Servers {
         }
     }
 
-    /// Connections that read from the server that can be written, since a standby is behind it.
+    /// Makes connections that read from the writable server, since a standby lags behind it.
     ///
     /// # Errors
     /// [`StoreError::Database`].
@@ -258,7 +259,7 @@ impl Servers {
         })
     }
 
-    /// Writes over a connection of its own, to find out whether the database takes writes at all.
+    /// Writes over a connection of its own, to test whether the database accepts writes at all.
     ///
     /// # Errors
     /// [`StoreError`] of connecting, or [`StoreError::Database`].
@@ -273,7 +274,7 @@ impl Servers {
     }
 }
 
-/// Connects to a server, if it can be written; the reason why not is a clause behind its name.
+/// Connects to a server, if it is writable; the reason for a refusal is a clause behind its name.
 async fn connect_to(options: &PgConnectOptions, purpose: Purpose) -> Result<PgConnection, String> {
     let unusable = |error: sqlx::Error| Unusable(&error).to_string();
     let connecting = async {
@@ -295,7 +296,8 @@ async fn connect_to(options: &PgConnectOptions, purpose: Purpose) -> Result<PgCo
     }
 }
 
-/// Why a server of this `server_version_num` cannot be used; a clause behind its name.
+/// Returns the reason for which a server of this `server_version_num` is unusable, as a clause
+/// behind its name.
 fn unsuited(version: i32, is_standby: bool) -> Option<String> {
     let (found, expected) = (version / 10_000, VERSION_MIN / 10_000);
     if version < VERSION_MIN {
@@ -315,7 +317,7 @@ async fn is_writable(connection: &mut PgConnection) -> Result<bool, sqlx::Error>
         .await
 }
 
-/// How one server is reached.
+/// Makes the connection options of one server.
 fn options_of(
     url: &PostgresUrl,
     server: &Server,

@@ -12,10 +12,10 @@ use crate::connection::Session;
 use crate::history;
 use crate::servers::{Purpose, Servers};
 
-/// Creates an empty database on a server; gives its URL.
+/// Creates an empty database on a server; returns its URL.
 ///
 /// # Errors
-/// As of connecting; [`StoreError::Database`] when it cannot be created.
+/// Errors of connecting; [`StoreError::Database`] if it cannot be created.
 pub async fn create_for_test(server: &PostgresUrl) -> Result<PostgresUrl, StoreError> {
     static CREATED: AtomicU32 = AtomicU32::new(0);
     let number = CREATED.fetch_add(1, Ordering::Relaxed);
@@ -34,18 +34,18 @@ pub async fn create_for_test(server: &PostgresUrl) -> Result<PostgresUrl, StoreE
     })
 }
 
-/// Runs a statement that only a test has.
+/// Runs a statement that only tests need.
 async fn run_for_test(session: &mut Session, sql: String) -> Result<(), StoreError> {
     // A busy machine takes seconds to create a database.
     let done = session.run_within(limits::POSTGRES_BULK_TIMEOUT, sql).await;
     done.map_err(StoreError::database("do what a test asks"))
 }
 
-/// The process of the server of `setup`, which is on this machine, and the bytes of write-ahead log
-/// that it has written since it was made.
+/// Returns the server process of `setup`, which is on this machine, and the bytes of write-ahead
+/// log that it has written since it was created.
 ///
 /// # Errors
-/// As of connecting; [`StoreError::Database`] when the process is not on this machine.
+/// Errors of connecting; [`StoreError::Database`] if the process is not on this machine.
 pub async fn spent_for_test(setup: &PostgresSetup) -> Result<(u32, f64), StoreError> {
     let servers = Servers::new(setup.clone())?;
     let mut session = Session::new(servers.connect(Purpose::Migration).await?);
@@ -68,11 +68,11 @@ pub async fn spent_for_test(setup: &PostgresSetup) -> Result<(u32, f64), StoreEr
     Ok((parent, number(1) as f64))
 }
 
-/// Fills a day of the history, of message time as of receipt, with the seconds of robots that drove
-/// all day, as they would have come.
+/// Fills a day of the history, by message time and receipt, with the seconds of robots that drove
+/// all day, in the order of their arrival.
 ///
 /// # Errors
-/// As of connecting; [`StoreError::Database`].
+/// Errors of connecting; [`StoreError::Database`].
 pub async fn fill_day_for_test(
     setup: &PostgresSetup,
     day: i64,

@@ -21,34 +21,34 @@ use crate::line::Line;
 use crate::old_days::OldDays;
 use crate::servers::{Purpose, Servers};
 
-/// Every job sees the database as if no other one ran meanwhile.
+/// Isolation in which every job sees the database as if it ran alone.
 const BEGIN_JOB: &str = "BEGIN ISOLATION LEVEL SERIALIZABLE";
-/// Telemetry only adds and overwrites.
+/// Isolation of telemetry, which only adds and overwrites.
 const BEGIN_TELEMETRY: &str = "BEGIN ISOLATION LEVEL READ COMMITTED";
 
-/// The connection of jobs.
+/// Connection of jobs.
 #[derive(Debug)]
 pub(crate) struct Records {
     line: Line,
     jobs: JobRuns,
 }
 
-/// How often each job is run at least.
+/// Least number of runs of each job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JobRuns {
-    /// Once, and again when another transaction stood in its way.
+    /// Once, and again after a conflict with another transaction.
     Once,
-    /// First in vain, then again: so tests find a job that cannot be run again.
+    /// Once in vain, then again: this lets tests find a job that cannot be repeated.
     Twice,
 }
 
-/// How one attempt at a job ended.
+/// Outcome of one attempt at a job.
 enum Attempted {
-    /// It is over: committed, refused, or failed for good.
+    /// The job is over: committed, refused, or failed for good.
     Ended(Result<(), StoreError>),
-    /// Nothing was written because another transaction stood in the way.
+    /// The attempt wrote nothing because of a conflict with another transaction.
     Again(StoreError),
-    /// The connection is gone, and so is what comes after this job.
+    /// The connection is lost, and so are the jobs after this one.
     Lost(StoreError),
 }
 
@@ -60,7 +60,7 @@ impl Records {
         }
     }
 
-    /// Runs a job until no other transaction stands in its way.
+    /// Runs a job until it meets no conflict with another transaction.
     async fn run_one(&mut self, job: &mut Waiting) -> Attempted {
         let mut last = StoreError::Closed;
         if self.jobs == JobRuns::Twice {
@@ -76,7 +76,7 @@ impl Records {
         Attempted::Ended(Err(last))
     }
 
-    /// Runs a job once, and commits what it wrote where it is to be `kept`.
+    /// Runs a job once, and commits its writes if it is to be `kept`.
     async fn attempt(&mut self, job: &mut Waiting, kept: bool) -> Attempted {
         let (session, keys) = match self.line.begin(BEGIN_JOB).await {
             Ok(begun) => begun,
@@ -109,12 +109,12 @@ impl Records {
     }
 }
 
-/// A statement failed, and the job went on.
+/// Error of a job that continued after a failed statement.
 #[derive(Debug, thiserror::Error)]
 #[error("a statement of the job failed")]
 struct Swallowed;
 
-/// What follows from a failure before COMMIT.
+/// Returns the outcome of a failure before COMMIT.
 fn unwritten(fate: Fate, error: StoreError) -> Attempted {
     match fate {
         Fate::Conflict => Attempted::Again(error),
@@ -172,7 +172,7 @@ impl RecordWriter for Records {
     }
 }
 
-/// What is told to those whose job was not begun because of another one's failure.
+/// Returns the error for jobs that were not begun because of another one's failure.
 fn beside(error: StoreError) -> StoreError {
     match error {
         StoreError::Commit(source) => StoreError::Database {
@@ -183,13 +183,14 @@ fn beside(error: StoreError) -> StoreError {
     }
 }
 
-/// The connection of telemetry.
+/// Connection of telemetry.
 #[derive(Debug)]
 pub(crate) struct Telemetry {
     line: Line,
-    /// What an instance of a cluster writes behind.
+    /// Fence for an instance of a cluster.
     fence: Option<Fence>,
-    /// Robots whose history this instance has yet to look at, and since when it estimates them.
+    /// Robots whose history this instance has not examined yet, with the start of their estimation
+    /// here.
     adopted: BTreeMap<RobotId, WallTime>,
     history: History,
     old_days: OldDays,
@@ -212,7 +213,7 @@ impl Telemetry {
         }
     }
 
-    /// Does some work in a transaction.
+    /// Performs some work in a transaction.
     async fn transact(&mut self, work: Work<'_>) -> Result<Done, StoreError> {
         let (session, keys) = self.line.begin(BEGIN_TELEMETRY).await?;
         let fence = self.fence.as_ref();
@@ -234,7 +235,7 @@ impl Telemetry {
     }
 }
 
-/// What a transaction of telemetry does.
+/// Work of a transaction of telemetry.
 enum Work<'b> {
     Write(&'b mut Batch),
     RollUp(&'b [(i64, i64)]),
@@ -242,11 +243,11 @@ enum Work<'b> {
     Prune(Aged, i64),
 }
 
-/// What it did.
+/// Result of the work.
 #[derive(Debug, Default)]
 struct Done {
     pruned: u64,
-    /// Whether there are days to be dropped.
+    /// True if there are days to be dropped.
     old_days: bool,
     written: Written,
 }

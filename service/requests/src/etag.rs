@@ -11,10 +11,10 @@ use sha2::{Digest, Sha256};
 use super::extract::header_text;
 use super::problem::Problem;
 
-/// Answers with a document and the tag of its bytes; 304 when the client has them.
+/// Answers with a document and the tag of its bytes; 304 if the client has them.
 ///
 /// # Errors
-/// [`Problem`] that names what is refused.
+/// A [`Problem`] that names the refused value.
 pub fn tagged_json<T: Serialize>(headers: &HeaderMap, document: &T) -> Result<Response, Problem> {
     let bytes = serde_json::to_vec(document).map_err(|error| {
         let status = StatusCode::INTERNAL_SERVER_ERROR;
@@ -28,12 +28,12 @@ pub fn tagged_json<T: Serialize>(headers: &HeaderMap, document: &T) -> Result<Re
     Ok(([(header::ETAG, tag), (header::CONTENT_TYPE, json)], bytes).into_response())
 }
 
-/// The tag of these bytes.
+/// Makes the tag of these bytes.
 pub fn tag_of(bytes: &[u8]) -> HeaderValue {
     tag_of_digest(Sha256::digest(bytes).into())
 }
 
-/// The tag of the bytes with this SHA-256.
+/// Makes the tag of the bytes with this SHA-256.
 pub fn tag_of_digest(digest: [u8; 32]) -> HeaderValue {
     let (half, _) = digest.split_at(16);
     quoted(
@@ -43,12 +43,12 @@ pub fn tag_of_digest(digest: [u8; 32]) -> HeaderValue {
     )
 }
 
-/// A document with the tag of its version.
+/// Answers with a document and the tag of its version.
 pub fn versioned_json<T: Serialize>(status: StatusCode, version: Version, document: T) -> Response {
     (status, [(header::ETAG, quoted(&version))], Json(document)).into_response()
 }
 
-/// Whether `If-None-Match` names this tag.
+/// True if `If-None-Match` names this tag.
 pub fn client_has(headers: &HeaderMap, tag: &HeaderValue) -> bool {
     let Some(named) = headers
         .get(header::IF_NONE_MATCH)
@@ -63,11 +63,11 @@ pub fn client_has(headers: &HeaderMap, tag: &HeaderValue) -> bool {
         .any(|one| one == "*" || one.trim_start_matches("W/") == tag)
 }
 
-/// Which version a change is meant for: `If-Match: "3"`, or `If-None-Match: *` for what must not
-/// be there yet.
+/// Returns the version that a change is meant for: `If-Match: "3"`, or `If-None-Match: *` for
+/// something that must not exist yet.
 ///
 /// # Errors
-/// [`Problem`] that names what is refused.
+/// A [`Problem`] that names the refused value.
 pub fn expected(headers: &HeaderMap) -> Result<Expected, Problem> {
     if let Some(text) = header_text(headers, &header::IF_MATCH)? {
         let version = text
@@ -92,10 +92,10 @@ pub fn expected(headers: &HeaderMap) -> Result<Expected, Problem> {
     }
 }
 
-/// The version that a change of what exists is meant for: `If-Match: "3"`.
+/// Returns the version that a change of an existing object is meant for: `If-Match: "3"`.
 ///
 /// # Errors
-/// [`Problem`] that names what is refused.
+/// A [`Problem`] that names the refused value.
 pub fn expected_version(headers: &HeaderMap) -> Result<Version, Problem> {
     match expected(headers)? {
         Expected::Version(version) => Ok(version),

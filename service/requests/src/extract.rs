@@ -16,12 +16,12 @@ use super::problem::Problem;
 
 static IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
 
-/// The query of a route without parameters: every parameter is refused by name.
+/// Query of a route without parameters: every parameter is refused by name.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NoParameters {}
 
-/// A request's query.
+/// Query of a request.
 #[derive(Debug)]
 pub struct Parameters<T>(pub T);
 
@@ -37,7 +37,7 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Parameters<T> 
     }
 }
 
-/// The robot that a path names.
+/// Robot that a path names.
 #[derive(Debug)]
 pub struct RobotPath(pub RobotId);
 
@@ -57,10 +57,10 @@ impl<S: Send + Sync> FromRequestParts<S> for RobotPath {
     }
 }
 
-/// A request's JSON body.
+/// JSON body of a request.
 #[derive(Debug)]
 pub struct Body<T> {
-    /// What it says.
+    /// Its content.
     pub value: T,
     /// SHA-256 of its bytes.
     pub sha256: [u8; 32],
@@ -104,8 +104,8 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for Body<T> {
     }
 }
 
-/// The problem of a query or body that does not fit. What is said of it reads
-/// "Failed to …: the field: what is wrong with it", with the field left out when it is the whole.
+/// Makes the problem of an invalid query or body. The error `said` reads "Failed to …: the field:
+/// the fault", with the field left out if it is the whole.
 fn unreadable(status: StatusCode, code: &'static str, part: &str, said: &str) -> Problem {
     let reason = said.split_once(": ").map_or(said, |(_, reason)| reason);
     let is_field = |name: &str| !name.contains([' ', '`']);
@@ -126,10 +126,10 @@ fn is_json(headers: &HeaderMap) -> bool {
         .is_some_and(|media| media.trim().eq_ignore_ascii_case("application/json"))
 }
 
-/// A header's text.
+/// Returns a header's text.
 ///
 /// # Errors
-/// [`Problem`] that names what is refused.
+/// A [`Problem`] that names the refused value.
 pub fn header_text<'a>(
     headers: &'a HeaderMap,
     name: &HeaderName,
@@ -145,10 +145,10 @@ pub fn header_text<'a>(
         .transpose()
 }
 
-/// The `Idempotency-Key` of a request.
+/// Returns the `Idempotency-Key` of a request.
 ///
 /// # Errors
-/// [`Problem`] that names what is refused.
+/// A [`Problem`] that names the refused value.
 pub fn idempotency_key(
     headers: &HeaderMap,
     request_sha256: [u8; 32],
@@ -169,10 +169,10 @@ pub fn idempotency_key(
     }))
 }
 
-/// A number of a query within its limits; `default` when it is not given.
+/// Parses a number of a query within its limits; `default` if it is absent.
 ///
 /// # Errors
-/// [`Problem`] that names what is refused.
+/// A [`Problem`] that names the refused value.
 pub fn number_within(
     field: &str,
     given: Option<&str>,
@@ -191,10 +191,10 @@ pub fn number_within(
         })
 }
 
-/// A time of a query.
+/// Parses a time of a query.
 ///
 /// # Errors
-/// [`Problem`] that names what is refused.
+/// A [`Problem`] that names the refused value.
 pub fn time(field: &str, given: Option<&str>) -> Result<Option<jiff::Timestamp>, Problem> {
     given
         .map(|text| {
@@ -208,7 +208,7 @@ pub fn time(field: &str, given: Option<&str>) -> Result<Option<jiff::Timestamp>,
 /// Refuses a text that is too long.
 ///
 /// # Errors
-/// [`Problem`] that names what is refused.
+/// A [`Problem`] that names the refused value.
 pub fn check_length(field: &str, text: &str, chars_max: usize) -> Result<(), Problem> {
     let chars = text.chars().count();
     if chars > chars_max {
@@ -219,10 +219,10 @@ pub fn check_length(field: &str, text: &str, chars_max: usize) -> Result<(), Pro
     Ok(())
 }
 
-/// The number that a cursor names.
+/// Parses the number in a cursor.
 ///
 /// # Errors
-/// [`Problem`] that names what is refused.
+/// A [`Problem`] that names the refused value.
 pub fn number_of(cursor: &str) -> Result<i64, Problem> {
     cursor
         .parse()

@@ -20,7 +20,7 @@ use super::problem::Problem;
 /// Rows of a database, each with the number by which the next one is found.
 pub type Numbered<Row> = Vec<(i64, Row)>;
 
-/// The number of a record as databases have it.
+/// Converts the number of a record to the databases' type.
 pub fn number(id: u64) -> i64 {
     i64::try_from(id).unwrap_or(i64::MAX)
 }
@@ -30,10 +30,10 @@ pub type Reading<Row> = BoxFuture<'static, Result<Numbered<Row>, StoreError>>;
 
 /// The rows of a list, in the order of their numbers.
 pub struct Rows<Row> {
-    /// Reads at most so many rows after a number.
+    /// Reads a limited number of rows after a number.
     read: Box<dyn FnMut(Option<i64>, u32) -> Reading<Row> + Send>,
     after: Option<i64>,
-    /// How many may still be read.
+    /// Number of rows that may still be read.
     left: u32,
 }
 
@@ -42,12 +42,12 @@ struct Chunk<Row> {
     rows: Vec<Row>,
     /// True if the list ends with them.
     is_last: bool,
-    /// Number at which the list would go on after its end.
+    /// Number from which the list continues after its end.
     next: Option<String>,
 }
 
 impl<Row> Rows<Row> {
-    /// The rows after a number, `limit` at most.
+    /// Makes the rows after a number, at most `limit`.
     pub fn new(
         after: Option<i64>,
         limit: u32,
@@ -60,7 +60,7 @@ impl<Row> Rows<Row> {
         }
     }
 
-    /// The next ones.
+    /// Reads the next rows.
     async fn next(&mut self) -> Result<Chunk<Row>, StoreError> {
         let limit = self.left.min(limits::LIST_ROWS_AT_ONCE);
         let mut rows = (self.read)(self.after, with_next(limit)).await?;
@@ -76,7 +76,7 @@ impl<Row> Rows<Row> {
     }
 }
 
-/// How rows are written.
+/// Layout of written rows.
 pub enum Layout<Row> {
     /// A page as JSON: `items`, and `next` unless it is the last one.
     Page,
@@ -86,7 +86,7 @@ pub enum Layout<Row> {
     Csv {
         /// Its first line.
         head: &'static str,
-        /// The line of a row.
+        /// Formats the line of a row.
         line: fn(&Row) -> String,
     },
 }
@@ -100,7 +100,7 @@ impl<Row> Clone for Layout<Row> {
 impl<Row> Copy for Layout<Row> {}
 
 impl<Row: Serialize> Layout<Row> {
-    /// The text of some rows.
+    /// Formats some rows.
     fn text(self, chunk: &Chunk<Row>, is_first: bool) -> serde_json::Result<String> {
         let mut text = String::new();
         match self {
@@ -140,10 +140,10 @@ impl<Row: Serialize> Layout<Row> {
     }
 }
 
-/// Gives a page of a list.
+/// Answers with a page of a list.
 ///
 /// # Errors
-/// [`Problem`] when the first rows cannot be read.
+/// A [`Problem`] if the first rows cannot be read.
 pub async fn page<Row>(rows: Rows<Row>) -> Result<Response, Problem>
 where
     Row: Serialize + Send + 'static,
@@ -153,11 +153,11 @@ where
     Ok(([(header::CONTENT_TYPE, "application/json")], body).into_response())
 }
 
-/// Reads and writes rows as the pieces are asked for. After a failure comes an error, which breaks
-/// the connection off, so that nobody takes for whole what is not.
+/// Reads and writes rows as the pieces are requested. A failure ends the stream with an error,
+/// which breaks the connection off, so that clients do not mistake a part for the whole.
 ///
 /// # Errors
-/// [`Problem`] when the first rows cannot be read.
+/// A [`Problem`] if the first rows cannot be read.
 pub async fn text<Row>(
     mut rows: Rows<Row>,
     layout: Layout<Row>,
@@ -189,8 +189,8 @@ where
     ))
 }
 
-/// Writes `count` pieces of a text as they are asked for, each off the threads on which everybody is
-/// answered.
+/// Writes `count` pieces of a text as they are requested, each off the threads on which requests
+/// are answered.
 pub fn pieces(
     count: usize,
     write: impl Fn(usize) -> serde_json::Result<String> + Send + Sync + 'static,
@@ -219,7 +219,7 @@ mod tests {
 
     use super::*;
 
-    /// The numbers below `total`, how many of which were read, and a failure from some number on.
+    /// Makes the numbers below `total`, a counter of those read, and a failure from some number on.
     fn numbers(total: u32, limit: u32, fails_from: u32) -> (Rows<u32>, Arc<AtomicU32>) {
         let count = Arc::<AtomicU32>::default();
         let read = Arc::clone(&count);

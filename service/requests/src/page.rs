@@ -5,21 +5,22 @@ use fleetcal_domain::limits;
 use super::extract::number_within;
 use super::problem::Problem;
 
-/// How many entries a page has, 1 to [`limits::HTTP_PAGE_MAX`].
+/// Parses the number of entries of a page, 1 to [`limits::HTTP_PAGE_MAX`].
 ///
 /// # Errors
-/// [`Problem`] when it is no such number.
+/// A [`Problem`] for any other number.
 pub fn page_limit(limit: Option<&str>) -> Result<u32, Problem> {
     let all = 1..=limits::HTTP_PAGE_MAX;
     number_within("limit", limit, all, limits::HTTP_PAGE_DEFAULT)
 }
 
-/// How many entries to read for a page of `limit`: one more says whether there is another page.
+/// Returns the number of entries to read for a page of `limit`: one more shows whether there is
+/// another page.
 pub fn with_next(limit: u32) -> u32 {
     limit.saturating_add(1)
 }
 
-/// Cuts a list that was read [`with_next`]; gives the next page's cursor, made of the last entry
+/// Cuts a list that was read [`with_next`]; returns the next page's cursor, made of the last entry
 /// that stays.
 pub fn cut<T>(entries: &mut Vec<T>, limit: u32, cursor: impl Fn(&T) -> String) -> Option<String> {
     let more = entries.len() > limit as usize;

@@ -11,14 +11,14 @@ use fleetcal_fleet::FleetRefused;
 use fleetcal_store::StoreError;
 use serde::Serialize;
 
-/// What a client should wait before it asks again, s.
+/// Wait before a client's next attempt, s.
 const RETRY_AFTER_S: u32 = 2;
 
-/// Why a request was not answered as asked, as RFC 9457 has it.
+/// Reason for which a request was refused or failed, as an RFC 9457 problem.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, utoipa::ToSchema)]
 #[schema(as = Problem)]
 pub struct Problem {
-    /// Always `about:blank`: `code` tells problems apart.
+    /// Always `about:blank`: problems are distinguished by `code`.
     #[serde(rename = "type")]
     #[schema(examples("about:blank"))]
     kind: &'static str,
@@ -28,7 +28,7 @@ pub struct Problem {
     /// The HTTP status.
     #[schema(value_type = u16, examples(404))]
     status: u16,
-    /// A word for programs.
+    /// Code for programs.
     #[schema(examples("robot_unknown"))]
     code: &'static str,
     /// One sentence for people.
@@ -37,13 +37,13 @@ pub struct Problem {
     /// The parameter, field or header that was refused.
     #[serde(skip_serializing_if = "Option::is_none")]
     field: Option<String>,
-    /// Seconds to wait before the next try; the header `Retry-After`.
+    /// Seconds to wait before the next attempt; the header `Retry-After`.
     #[serde(skip)]
     retry_after_s: Option<u32>,
 }
 
 impl Problem {
-    /// A problem with this status and code.
+    /// Makes a problem with this status and code.
     pub fn new(status: StatusCode, code: &'static str, detail: impl Into<String>) -> Self {
         Self {
             kind: "about:blank",
@@ -56,14 +56,14 @@ impl Problem {
         }
     }
 
-    /// A value that is not accepted.
+    /// Makes the problem of a value that is not accepted.
     pub fn refused(field: &str, value: &str, accepted: &str) -> Self {
         let shown: String = value.chars().take(100).collect();
         let detail = format!("{field}: got {shown:?}, expected {accepted}");
         Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field(field)
     }
 
-    /// Nothing is there under this address.
+    /// Makes the problem of an unknown address.
     pub fn not_found(path: &str) -> Self {
         Self::new(
             StatusCode::NOT_FOUND,
@@ -72,50 +72,50 @@ impl Problem {
         )
     }
 
-    /// The address is there, but not for this method.
+    /// Makes the problem of an address that does not support this method.
     pub fn method_refused(method: &Method, path: &str) -> Self {
         let detail = format!("{method} is not answered at {path}");
         Self::new(StatusCode::METHOD_NOT_ALLOWED, "method_refused", detail)
     }
 
-    /// The request's handler failed.
+    /// Makes the problem of a request whose handler failed.
     pub fn panicked() -> Self {
-        let detail = "the request made the service fail; its log says more";
+        let detail = "the service failed; its log has the details";
         Self::new(StatusCode::INTERNAL_SERVER_ERROR, "failed", detail)
     }
 
-    /// No robot of this id.
+    /// Makes the problem of an unknown robot.
     pub fn robot_unknown(id: &str) -> Self {
         let detail = format!("no robot {id} is known");
         Self::new(StatusCode::NOT_FOUND, "robot_unknown", detail)
     }
 
-    /// The request took too long.
+    /// Makes the problem of a request that took too long.
     pub fn timed_out() -> Self {
         let detail = "the request could not be answered in time";
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "timeout", detail)
     }
 
-    /// The change took too long or failed at its very end.
+    /// Makes the problem of a change that took too long or failed at its very end.
     pub fn outcome_unknown() -> Self {
         let detail = "the database did not confirm the change in time: it may or may not have been \
                       made; read again before you repeat it";
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "outcome_unknown", detail)
     }
 
-    /// The HTTP status.
+    /// Returns the HTTP status.
     pub fn status(&self) -> StatusCode {
         StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
     }
 
-    /// The same problem, with the seconds to wait before the next try.
+    /// Adds the seconds to wait before the next attempt.
     #[must_use]
     pub fn retry_after(mut self, seconds: u32) -> Self {
         self.retry_after_s = Some(seconds);
         self
     }
 
-    /// The same problem, with the parameter, field or header that it is about.
+    /// Adds the parameter, field or header that the problem is about.
     #[must_use]
     pub fn of_field(mut self, field: &str) -> Self {
         self.field = Some(field.to_owned());

@@ -105,7 +105,7 @@ impl AlertRecords for SqlRecords<'_> {
     }
 }
 
-/// Every alert that is not over.
+/// Returns every alert that is not over.
 pub(super) async fn active_alerts(
     connection: &mut dyn Connection,
 ) -> Result<Vec<Alert>, StoreError> {
@@ -116,7 +116,7 @@ pub(super) async fn active_alerts(
     rows.iter().map(alert_of).collect()
 }
 
-/// Alerts, the most urgent first.
+/// Returns alerts, the most urgent first.
 pub(super) async fn alerts(
     connection: &mut dyn Connection,
     filter: &AlertFilter,
@@ -160,7 +160,7 @@ pub(super) async fn alerts(
         .collect()
 }
 
-/// One alert with how it went.
+/// Returns one alert with its changes.
 pub(super) async fn alert(
     connection: &mut dyn Connection,
     id: AlertId,

@@ -11,12 +11,12 @@ use super::row::{NS_PER_S, column, corrupt};
 use super::transaction::SqlRecords;
 use super::value::Row;
 
-/// The statements of a scope, and what they take for it.
+/// Statements of a scope, and its value in them.
 struct Table<'a> {
     scope: &'a str,
     select: &'static str,
     insert: &'static str,
-    /// Nanoseconds in the unit of its column of time.
+    /// Unit of its column of time, ns.
     unit_ns: i64,
 }
 

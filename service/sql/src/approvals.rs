@@ -190,7 +190,7 @@ async fn next_ids(connection: &mut dyn Connection) -> Result<NextIds, StoreError
     })
 }
 
-/// One robot's records, with the document of the generation that an answer is about.
+/// Reads one robot's records, with the document of the generation that an acknowledgement names.
 async fn ledger(
     connection: &mut dyn Connection,
     robot: &RobotId,
@@ -234,7 +234,7 @@ async fn ledger(
     Ok(ledger)
 }
 
-/// What was given out under a generation.
+/// Reads the document that was signed under a generation.
 async fn given_out(
     connection: &mut dyn Connection,
     robot: &RobotId,
@@ -259,7 +259,7 @@ async fn given_out(
     row.map(of).transpose()
 }
 
-/// What a signed document says of itself.
+/// Revision that a signed document names.
 #[derive(serde::Deserialize)]
 struct Named {
     revision: RevisionId,

@@ -12,9 +12,9 @@ use super::records;
 use super::telemetry;
 use super::transaction::SqlRecords;
 
-/// Appends a row; the caller's transaction is the one of the change. Its number is the next one, not
-/// a sequence's, which gives none again when a transaction is undone: a gap would look like a row
-/// that somebody took away.
+/// Appends a row; the caller's transaction is the one of the change. Its number is the next one and
+/// not a sequence's, which skips the numbers of undone transactions: a gap would look like a
+/// removed row.
 async fn append(connection: &mut dyn Connection, entry: &AuditEntry) -> Result<i64, StoreError> {
     let actor = &entry.actor;
     let request = actor.request.as_ref();

@@ -6,19 +6,19 @@ use crate::dialect::Dialect;
 use crate::statement::Statement;
 use crate::value::Row;
 
-/// Why a statement failed, as the driver says it.
+/// Error of a statement, in the driver's words.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
 pub struct StatementError(#[from] Box<dyn std::error::Error + Send + Sync>);
 
 impl StatementError {
-    /// What a driver said.
+    /// Wraps a driver's error.
     pub fn new(error: impl std::error::Error + Send + Sync + 'static) -> Self {
         Self(Box::new(error))
     }
 }
 
-/// A statement that had to give a row gave none.
+/// Error of a statement that returned none of the expected rows.
 #[derive(Debug, thiserror::Error)]
 #[error("the statement gave no row")]
 pub(crate) struct NoRow;
@@ -26,32 +26,32 @@ pub(crate) struct NoRow;
 /// A connection to a database, or a transaction on one.
 #[async_trait]
 pub trait Connection: Send {
-    /// What the database speaks.
+    /// Returns the dialect of the database.
     fn dialect(&self) -> Dialect;
 
-    /// Runs a statement and gives its rows.
+    /// Runs a statement and returns its rows.
     ///
     /// # Errors
-    /// What the driver says.
+    /// The driver's error.
     async fn rows(&mut self, statement: Statement) -> Result<Vec<Row>, StatementError>;
 
-    /// Runs a statement that gives no rows; says how many it wrote.
+    /// Runs a statement without rows; returns the number of rows written.
     ///
     /// # Errors
-    /// What the driver says.
+    /// The driver's error.
     async fn execute(&mut self, statement: Statement) -> Result<u64, StatementError>;
 }
 
-/// Connections that only read, taken for one statement each.
+/// Connections for reading, each used for one statement.
 #[async_trait]
 pub trait Pool: std::fmt::Debug + Send + Sync + 'static {
-    /// What the database speaks.
+    /// Returns the dialect of the database.
     fn dialect(&self) -> Dialect;
 
-    /// Runs a statement on any connection and gives its rows.
+    /// Runs a statement on any connection and returns its rows.
     ///
     /// # Errors
-    /// What the driver says.
+    /// The driver's error.
     async fn rows(&self, statement: Statement) -> Result<Vec<Row>, StatementError>;
 
     /// Closes the connections.

@@ -16,16 +16,16 @@ use crate::value::{Row, Value};
 /// Rows that are read and written at once.
 const ROWS_AT_ONCE: i64 = 4_096;
 
-/// A table: what is copied of it, in the order of its key.
+/// A table to copy, in the order of its key.
 #[derive(Debug)]
 pub struct Table {
     /// Its name, quoted where SQL needs it.
     pub name: &'static str,
-    /// The columns that are written, those of the key first.
+    /// Columns that are written, those of the key first.
     columns: Vec<Column>,
-    /// How many of them are the key.
+    /// Number of columns of the key.
     key: usize,
-    /// Whether the database draws the numbers of its key.
+    /// True if the database draws the numbers of its key.
     numbered: bool,
 }
 
@@ -36,7 +36,7 @@ struct Column {
     kind: Kind,
 }
 
-/// What a column holds.
+/// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Integer,
@@ -46,27 +46,27 @@ enum Kind {
     Boolean,
 }
 
-/// How many rows a table has, and the hash of what they say.
+/// Number of rows of a table, and the hash of their content.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Content {
     /// Rows.
     pub rows: u64,
-    /// The sum of the SHA-256 of each row, modulo 2²⁵⁶, lower-case hexadecimal: the order of rows
-    /// does not count, which each database has its own way.
+    /// Sum of the SHA-256 of each row, modulo 2²⁵⁶, lower-case hexadecimal: it does not depend on
+    /// the order of rows, which differs between databases.
     pub sha256: String,
 }
 
-/// Where rows are copied to, in one transaction.
+/// Destination of copied rows, in one transaction.
 #[async_trait]
 pub trait CopyTarget: Connection {
     /// Writes rows of a table; `text` is in the text format of PostgreSQL's `COPY`.
     ///
     /// # Errors
-    /// What the driver says.
+    /// The driver's error.
     async fn copy_in(&mut self, table: &Table, text: String) -> Result<(), StatementError>;
 }
 
-/// Every table, so that each comes after those that it refers to. `probe` says nothing.
+/// Every table, each after those that it refers to, except `probe`, which holds no data.
 pub static TABLES: LazyLock<Vec<Table>> =
     LazyLock::new(|| {
         let mut tables = vec![
@@ -148,7 +148,7 @@ pub static TABLES: LazyLock<Vec<Table>> =
         tables
     });
 
-/// What a roll-up keeps of each parameter.
+/// Suffixes of the columns that a roll-up has for each parameter.
 const ROLL_UP: &[&str] = &["_mean", "_min", "_max", "_sigma"];
 
 fn table(name: &'static str, key: usize, columns: &str) -> Table {
@@ -178,7 +178,7 @@ fn history(name: &'static str, of_parameter: &[&str], others: &str) -> Table {
     table(name, 2, &columns.join(" "))
 }
 
-/// A column out of its name and the letter of what it holds.
+/// Parses a column from its name and the letter of its type.
 fn column(text: &str) -> Option<Column> {
     let (name, kind) = text.split_once(':')?;
     let kind = match kind {
@@ -195,13 +195,13 @@ fn column(text: &str) -> Option<Column> {
 }
 
 impl Table {
-    /// Its columns, separated by commas.
+    /// Returns its columns, separated by commas.
     pub fn columns(&self) -> String {
         let names: Vec<&str> = self.columns.iter().map(|one| one.name.as_str()).collect();
         names.join(", ")
     }
 
-    /// The statement that makes a database go on behind the greatest number of its key.
+    /// Returns the statement that lets a database continue after the greatest number of its key.
     pub fn restart_numbers(&self) -> Option<String> {
         let key = self.columns.first().filter(|_| self.numbered)?;
         let (table, key) = (self.name, &key.name);
@@ -211,7 +211,7 @@ impl Table {
         ))
     }
 
-    /// How many rows it has.
+    /// Returns the number of its rows.
     ///
     /// # Errors
     /// The database's failure.
@@ -224,7 +224,7 @@ impl Table {
         Ok(count.unsigned_abs())
     }
 
-    /// The rows behind a key, in its order.
+    /// Returns the rows after a key, in its order.
     async fn rows_after(
         &self,
         connection: &mut dyn Connection,
@@ -252,8 +252,8 @@ impl Table {
             .map_err(StoreError::database("read rows"))
     }
 
-    /// The columns of its key as its index has them: that of the history begins with the time in
-    /// SQLite, and with the robot in PostgreSQL.
+    /// Returns the columns of its key in the order of its index: that of the history begins with
+    /// the time in SQLite, and with the robot in PostgreSQL.
     fn key_in_order(&self, dialect: Dialect) -> Vec<usize> {
         let keys = 0..self.key;
         if dialect == Dialect::Postgres && self.name.starts_with("history_") {
@@ -262,7 +262,7 @@ impl Table {
         keys.collect()
     }
 
-    /// A row in the text format of PostgreSQL's `COPY`.
+    /// Writes a row in the text format of PostgreSQL's `COPY`.
     fn text_of(&self, row: &Row, text: &mut String) -> Result<(), StoreError> {
         for (index, (column, value)) in self.columns.iter().zip(&row.0).enumerate() {
             if index > 0 {
@@ -283,7 +283,7 @@ impl Table {
         }
     }
 
-    /// What its rows say, the same in every database.
+    /// Returns the content of its rows, the same in every database.
     ///
     /// # Errors
     /// The database's failure.
@@ -293,7 +293,7 @@ impl Table {
         Ok(content.content())
     }
 
-    /// Copies its rows; `copied` is told how many more there are now. Gives what they said.
+    /// Copies its rows; `copied` receives the number of each batch. Returns their content.
     ///
     /// # Errors
     /// The failure of either database.
@@ -318,7 +318,7 @@ impl Table {
 }
 
 impl Column {
-    /// Its name where rows are ordered by it: by bytes, as SQLite orders texts.
+    /// Returns its name for ordering rows by it: by bytes, as SQLite orders texts.
     fn in_order(&self, dialect: Dialect) -> String {
         match (dialect, self.kind) {
             (Dialect::Postgres, Kind::Text) => format!("{} COLLATE \"C\"", self.name),
@@ -360,7 +360,7 @@ impl Column {
     }
 }
 
-/// Writes a text so that `COPY` reads it as it is.
+/// Writes a text so that `COPY` reads it unchanged.
 fn escape(value: &str, text: &mut String) {
     for letter in value.chars() {
         match letter {
@@ -391,7 +391,7 @@ impl<'t> Reading<'t> {
         }
     }
 
-    /// The next rows as text; `None` behind the last.
+    /// Returns the next rows as text; `None` after the last.
     async fn next(
         &mut self,
         connection: &mut dyn Connection,

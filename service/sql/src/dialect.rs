@@ -1,6 +1,6 @@
 //! The few words in which the databases differ.
 
-/// What a database speaks.
+/// Dialect of SQL of a database.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dialect {
     /// SQLite.
@@ -10,10 +10,11 @@ pub enum Dialect {
 }
 
 impl Dialect {
-    /// Both.
+    /// Both dialects.
     pub const ALL: [Self; 2] = [Self::Sqlite, Self::Postgres];
 
-    /// The elements of the list `robots` of an alert's record, as rows with a column `value`.
+    /// Returns the source of the elements of the list `robots` in an alert's record, as rows with a
+    /// column `value`.
     pub(crate) const fn robots_of_alert(self) -> &'static str {
         match self {
             Self::Sqlite => "json_each(record, '$.robots')",
@@ -21,7 +22,8 @@ impl Dialect {
         }
     }
 
-    /// The elements of `$1`, a list of texts as JSON, as rows with a column `value`.
+    /// Returns the source of the elements of `$1`, a list of texts as JSON, as rows with a column
+    /// `value`.
     pub(crate) const fn elements(self) -> &'static str {
         match self {
             Self::Sqlite => "json_each($1)",

@@ -9,7 +9,7 @@ use super::query::{query, query_scalar};
 use super::row::{Keys, column, json, key_of, parsed, robot_id, robot_time, wall_time};
 use super::value::Row;
 
-/// The columns of [`event_of`].
+/// Columns that [`event_of`] reads.
 const EVENT: &str = "e.id, r.id, e.kind, e.stamp_ns, e.received_ns, e.source, e.author, e.note, \
                      e.details";
 
@@ -32,7 +32,7 @@ pub(super) async fn write(
     }
 }
 
-/// Adds an event of the robot with this key; gives its number.
+/// Adds an event of the robot with this key; returns its number.
 pub(super) async fn add(
     connection: &mut dyn Connection,
     key: i64,
@@ -56,7 +56,7 @@ pub(super) async fn add(
     .map_err(StoreError::database("write an event"))
 }
 
-/// An event by its number.
+/// Returns an event by its number.
 pub(super) async fn by_number(
     connection: &mut dyn Connection,
     id: EventId,
@@ -79,7 +79,7 @@ fn details_of(event: &NewEvent) -> Result<Option<String>, StoreError> {
         .transpose()
 }
 
-/// Writes what an event says now.
+/// Updates the details of an event.
 async fn complete(
     connection: &mut dyn Connection,
     id: EventId,
@@ -94,7 +94,7 @@ async fn complete(
     Ok(())
 }
 
-/// The number of the event of the same robot, kind, stamp and note.
+/// Returns the number of the event of the same robot, kind, stamp and note.
 async fn same_content(
     connection: &mut dyn Connection,
     key: i64,
@@ -114,7 +114,7 @@ async fn same_content(
     .map_err(StoreError::database("look up an event"))
 }
 
-/// An event out of `id, robot, kind, stamp_ns, received_ns, source, author, note, details`.
+/// Reads an event from `id, robot, kind, stamp_ns, received_ns, source, author, note, details`.
 pub(super) fn event_of(row: &Row, repeated: bool) -> Result<EventRecord, StoreError> {
     const TABLE: &str = "robot_event";
     let kind: String = column(row, TABLE, 2)?;

@@ -8,12 +8,12 @@ use fleetcal_store::backend::Tier;
 use super::dialect::Dialect;
 use super::query::{Query, query};
 
-/// The statements that write history.
+/// Statements that write history.
 pub(super) struct Statements {
     /// Writes a row of `history_second`: `t, robot, received, status, nis`, then value and sigma of
-    /// each parameter. Does nothing when the second is there already.
+    /// each parameter. Does nothing if the second exists already.
     pub(super) insert_second: String,
-    /// The same, overwriting the second.
+    /// Writes the same row, overwriting the second.
     pub(super) replace_second: String,
     /// Merges one second into its minute: `t, robot, received, status, nis`, then value and sigma
     /// of each parameter, as for `insert_second` but with the minute's start.
@@ -26,7 +26,7 @@ pub(super) struct Statements {
     pub(super) remake_hour: String,
 }
 
-/// One after another, as SQLite writes seconds. PostgreSQL's driver writes many at once.
+/// Statements for single rows, as SQLite writes seconds. PostgreSQL's driver writes many at once.
 pub(super) static STATEMENTS: LazyLock<Statements> = LazyLock::new(Statements::new);
 
 impl Statements {
@@ -46,7 +46,7 @@ impl Statements {
     }
 }
 
-/// The table of a tier.
+/// Returns the table of a tier.
 pub(super) const fn table(tier: Tier) -> &'static str {
     match tier {
         Tier::Second => "history_second",
@@ -55,8 +55,8 @@ pub(super) const fn table(tier: Tier) -> &'static str {
     }
 }
 
-/// Reads a robot's rows of a tier: `from, to, robot`. Gives `t, count, status, nis`, then mean, min,
-/// max and sigma of each parameter.
+/// Reads a robot's rows of a tier: `from, to, robot`. Returns `t, count, status, nis`, then mean,
+/// min, max and sigma of each parameter.
 ///
 /// SQLite's key begins with the time, so each row is looked up by itself: a range would run over
 /// the rows of the whole fleet. That of PostgreSQL begins with the robot.
@@ -99,7 +99,7 @@ pub(super) fn select(dialect: Dialect, tier: Tier, parameters: &[Parameter]) -> 
     })
 }
 
-/// Reads the first and the last second of a tier, of whichever robot. Each comes from an end of the
+/// Reads the first and the last second of a tier over all robots. Each comes from an end of the
 /// key, which only a lone `min` or `max` is taken from: of the whole in SQLite, of each robot in
 /// PostgreSQL.
 pub(super) fn extent(dialect: Dialect, tier: Tier) -> String {
@@ -191,7 +191,7 @@ fn roll_up_row(tier: Tier) -> String {
     )
 }
 
-/// Every column of a second but its key, taken from the new row.
+/// Writes the assignment of every column of a second, except its key, from the new row.
 fn overwritten() -> String {
     let mut set =
         "received = excluded.received, status = excluded.status, nis = excluded.nis".to_owned();
@@ -242,7 +242,7 @@ fn on_conflict_merge(tier: Tier) -> String {
     set
 }
 
-/// How new rows are merged into those of a table.
+/// Expressions that merge new rows into those of a table.
 struct Merge(&'static str);
 
 impl Merge {

@@ -9,7 +9,7 @@ use super::records::number;
 use super::row::{column, json, parsed, wall_time_or_null};
 use super::value::Row;
 
-/// The policy that was set.
+/// Reads the stored policy.
 pub(super) async fn read(connection: &mut dyn Connection) -> Result<StoredPolicy, StoreError> {
     let row = query("SELECT version, policy, by, at_ns, reason FROM policy")
         .fetch_one(connection)
@@ -28,7 +28,7 @@ fn policy_of(row: &Row) -> Result<StoredPolicy, StoreError> {
     })
 }
 
-/// Keeps the policy.
+/// Stores the policy.
 pub(super) async fn save(
     connection: &mut dyn Connection,
     stored: &StoredPolicy,

@@ -7,7 +7,7 @@ use crate::connection::{Connection, NoRow, StatementError};
 use crate::statement::Statement;
 use crate::value::{FromValue, Row, Value};
 
-/// A statement whose values are bound one after another.
+/// Makes a statement whose values are bound one after another.
 pub(crate) fn query(sql: impl Into<Cow<'static, str>>) -> Query {
     Query(Statement {
         sql: sql.into(),
@@ -15,7 +15,7 @@ pub(crate) fn query(sql: impl Into<Cow<'static, str>>) -> Query {
     })
 }
 
-/// The same, of which the first column of a row is wanted.
+/// Makes a statement that reads the first column of a row.
 pub(crate) fn query_scalar<T: FromValue>(sql: impl Into<Cow<'static, str>>) -> Scalar<T> {
     Scalar(query(sql), PhantomData)
 }
@@ -66,7 +66,7 @@ impl Query {
         row.ok_or_else(|| StatementError::new(NoRow))
     }
 
-    /// Runs it; gives the number of rows written.
+    /// Runs it; returns the number of rows written.
     pub(crate) async fn execute(
         self,
         connection: &mut dyn Connection,
@@ -75,7 +75,7 @@ impl Query {
     }
 }
 
-/// A statement of which one value is wanted.
+/// A statement that reads one value.
 #[derive(Debug)]
 pub(crate) struct Scalar<T>(Query, PhantomData<T>);
 

@@ -26,31 +26,31 @@ use super::statement::Statement;
 use super::value::Row;
 use super::{alerts, events, history, policy, records, robots, webhooks};
 
-/// Estimators' states, for [`checkpoint_of`].
+/// Reads estimators' states for [`checkpoint_of`].
 const CHECKPOINTS: &str = "SELECT r.id, c.stamp_ns, c.received_ns, c.state
     FROM checkpoint AS c JOIN robot AS r ON r.key = c.robot";
 
-/// What reads, over a pool of connections.
+/// Reader over a pool of connections.
 #[derive(Debug)]
 pub struct SqlReader {
     pool: Box<dyn Pool>,
 }
 
 impl SqlReader {
-    /// Reads over these connections.
+    /// Makes a reader over these connections.
     pub fn new(pool: impl Pool) -> Self {
         Self {
             pool: Box::new(pool),
         }
     }
 
-    /// A connection for one statement.
+    /// Returns a connection for one statement.
     pub(crate) fn connection(&self) -> Pooled<'_> {
         Pooled(self.pool.as_ref())
     }
 }
 
-/// A pool as a connection: each statement takes one of its own.
+/// A pool in the role of a connection: each statement uses one of its own.
 pub(crate) struct Pooled<'p>(&'p dyn Pool);
 
 #[async_trait]
@@ -358,7 +358,7 @@ impl Reader for SqlReader {
     }
 }
 
-/// The newest migration of the database.
+/// Returns the newest migration of the database.
 ///
 /// # Errors
 /// [`StoreError::Database`].

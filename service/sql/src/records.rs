@@ -17,11 +17,11 @@ use super::query::query;
 use super::row::{column, parsed, robot_id, wall_time, wall_time_or_null};
 use super::value::Row;
 
-/// Deployments that are under way.
+/// Condition of deployments in progress.
 pub(super) const LIVE: &str =
     "state IN ('queued', 'offered', 'applied', 'verifying', 'rolling_back')";
 
-/// The records of every robot that has any.
+/// Returns the records of every robot that has any.
 pub(super) async fn ledgers(
     connection: &mut dyn Connection,
 ) -> Result<Vec<RobotLedger>, StoreError> {
@@ -66,7 +66,7 @@ pub(super) async fn ledgers(
     Ok(found.into_values().collect())
 }
 
-/// A signed document.
+/// Returns a signed document.
 pub(super) async fn envelope(
     connection: &mut dyn Connection,
     robot: &RobotId,
@@ -81,7 +81,7 @@ pub(super) async fn envelope(
     row.map(|row| record(&row, "envelope", 0)).transpose()
 }
 
-/// What waits to be sent.
+/// Returns the outbox messages.
 pub(super) async fn outbox(
     connection: &mut dyn Connection,
 ) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
@@ -103,7 +103,7 @@ pub(super) async fn outbox(
         .collect()
 }
 
-/// Proposals with what they propose, newest first.
+/// Returns proposals with their revisions, newest first.
 pub(super) async fn proposals(
     connection: &mut dyn Connection,
     filter: &ProposalFilter,
@@ -132,7 +132,7 @@ pub(super) async fn proposals(
         .collect()
 }
 
-/// One proposal with what it proposes.
+/// Returns one proposal with its revision.
 pub(super) async fn proposal(
     connection: &mut dyn Connection,
     id: ProposalId,
@@ -152,7 +152,7 @@ fn pair(row: &Row) -> Result<(Proposal, Revision), StoreError> {
     Ok((record(row, "proposal", 0)?, record(row, "revision", 1)?))
 }
 
-/// A robot's deployments, newest first.
+/// Returns a robot's deployments, newest first.
 pub(super) async fn deployments(
     connection: &mut dyn Connection,
     robot: &RobotId,
@@ -173,8 +173,8 @@ pub(super) async fn deployments(
         .collect()
 }
 
-/// State of what was approved, by the proposal: that of its deployment, unless a return that followed
-/// has undone it.
+/// Returns the state of each approved proposal: that of its deployment, unless a later return has
+/// undone it.
 pub(super) async fn followed(
     connection: &mut dyn Connection,
     proposals: &[ProposalId],
@@ -191,7 +191,7 @@ pub(super) async fn followed(
     Ok(followed.collect())
 }
 
-/// Deployments that a statement finds for a list of proposals, newest first.
+/// Returns the deployments that a statement finds for a list of proposals, newest first.
 async fn approved(
     connection: &mut dyn Connection,
     before: &'static str,
@@ -215,7 +215,7 @@ async fn approved(
         .collect()
 }
 
-/// The deployment freeze.
+/// Returns the deployment freeze.
 pub(super) async fn deployment_freeze(
     connection: &mut dyn Connection,
 ) -> Result<DeploymentFreeze, StoreError> {
@@ -236,11 +236,11 @@ fn site_of(row: &Row) -> Result<DeploymentFreeze, StoreError> {
     })
 }
 
-/// Rows of the audit, for [`audit_row`].
+/// Reads rows of the audit for [`audit_row`].
 const AUDIT: &str = "SELECT id, at_ns, actor, authentication, role, request, action, subject,
     subject_id, robot, before, after, reason, address FROM audit";
 
-/// Rows of the audit after a number, oldest first.
+/// Returns the rows of the audit after a number, oldest first.
 pub(super) async fn audit_rows_after(
     connection: &mut dyn Connection,
     after: AuditId,
@@ -254,7 +254,7 @@ pub(super) async fn audit_rows_after(
         .collect()
 }
 
-/// Rows of the audit after a number that are notes about a robot, oldest first.
+/// Returns the rows of the audit after a number that are notes about a robot, oldest first.
 pub(super) async fn notes_after(
     connection: &mut dyn Connection,
     robot: &RobotId,
@@ -273,7 +273,7 @@ pub(super) async fn notes_after(
         .collect()
 }
 
-/// Rows of the audit, newest first.
+/// Returns rows of the audit, newest first.
 pub(super) async fn audit_rows(
     connection: &mut dyn Connection,
     filter: &AuditFilter,

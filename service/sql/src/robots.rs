@@ -64,7 +64,7 @@ impl RobotRecords for SqlRecords<'_> {
     }
 }
 
-/// A robot out of `id, config, version, created_ns, updated_ns, drawn_by`.
+/// Reads a robot from `id, config, version, created_ns, updated_ns, drawn_by`.
 pub(super) fn robot_of(row: &Row) -> Result<RobotRecord, StoreError> {
     let config: Option<String> = column(row, "robot", 1)?;
     let version: i64 = column(row, "robot", 2)?;

@@ -12,10 +12,10 @@ use crate::value::{FromValue, Row};
 /// Nanoseconds in a second.
 pub(super) const NS_PER_S: i64 = 1_000_000_000;
 
-/// The keys of robots' rows that are known already.
+/// Known keys of robots' rows.
 pub type Keys = HashMap<RobotId, i64>;
 
-/// The robot's key; makes a row without configuration for one that is new.
+/// Returns the robot's key; makes a row without configuration for a new robot.
 ///
 /// # Errors
 /// The database's failure.

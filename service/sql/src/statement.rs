@@ -4,11 +4,11 @@ use std::borrow::Cow;
 
 use crate::value::Value;
 
-/// A statement and the values that it takes.
+/// A statement and its values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Statement {
-    /// Its text: made of words of this program alone, never of what came from outside.
+    /// Its text, made of words of this program alone, never of outside input.
     pub sql: Cow<'static, str>,
-    /// `$1` and so on.
+    /// Values of `$1` and so on.
     pub values: Vec<Value>,
 }

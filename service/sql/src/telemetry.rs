@@ -17,7 +17,7 @@ use super::query::query;
 use super::row::{Keys, NS_PER_S, json, key_of};
 use super::{accounts, events};
 
-/// Calibrations of a robot whose cross-track errors are kept, beside the first.
+/// Calibrations of a robot whose cross-track errors are kept, besides the first.
 const CROSS_TRACKS_KEPT: i64 = GENERATIONS_MAX as i64 - 1;
 
 /// Writes a batch, its history one second after another.
@@ -33,7 +33,7 @@ pub async fn write(
     write_beside_history(connection, keys, batch).await
 }
 
-/// Writes what a batch has beside seconds of history.
+/// Writes the parts of a batch other than seconds of history.
 ///
 /// # Errors
 /// The database's failure.
@@ -96,12 +96,12 @@ async fn history(
     Ok(())
 }
 
-/// First second of the stretch that `t_s` is in.
+/// Returns the first second of the stretch of a tier that contains `t_s`.
 const fn start(t_s: i64, tier: Tier) -> i64 {
     t_s - t_s.rem_euclid(tier.seconds())
 }
 
-/// Runs a statement that takes the columns of a second; gives the number of rows written.
+/// Runs a statement with the columns of a second; returns the number of rows written.
 async fn put_second(
     connection: &mut dyn Connection,
     sql: &'static str,
@@ -234,7 +234,7 @@ async fn cross_track(
     Ok(())
 }
 
-/// Writes a row that nothing reads.
+/// Writes a row that is never read.
 pub(crate) async fn probe(
     connection: &mut dyn Connection,
     now: WallTime,
@@ -247,7 +247,8 @@ pub(crate) async fn probe(
     Ok(())
 }
 
-/// Puts the service's start into the history of every robot whose estimator goes on from here.
+/// Records the service's start in the history of every robot whose estimator continues from a
+/// checkpoint.
 ///
 /// # Errors
 /// The database's failure.
@@ -265,8 +266,7 @@ pub async fn note_start(connection: &mut dyn Connection, now: WallTime) -> Resul
     Ok(())
 }
 
-/// Deletes what is older than `before_s`, a limited number of rows of each table; gives their
-/// number.
+/// Deletes rows older than `before_s`, a limited number of each table; returns their number.
 ///
 /// # Errors
 /// The database's failure.
@@ -288,8 +288,8 @@ pub async fn prune(
     Ok(pruned)
 }
 
-/// Deletes seconds that are older than `before_s` and in no day's partition, a limited number;
-/// gives their number.
+/// Deletes seconds older than `before_s` that are in no day's partition, a limited number; returns
+/// their number.
 ///
 /// # Errors
 /// The database's failure.
@@ -308,7 +308,8 @@ pub async fn prune_seconds_beside_days(
     .map_err(StoreError::database("delete old rows"))
 }
 
-/// The statements that delete old rows, and what a second is in the unit of their column of time.
+/// Returns the statements that delete old rows, and the length of a second in the unit of their
+/// column of time.
 const fn deletes(aged: Aged) -> &'static [(&'static str, i64)] {
     match aged {
         Aged::Seconds => &[(

@@ -6,18 +6,18 @@ use fleetcal_store::StoreError;
 use super::connection::Connection;
 use super::row::{Keys, key_of};
 
-/// The records of one transaction. What kinds there are stands in a file for each.
+/// Records of one transaction; each kind has a file.
 pub struct SqlRecords<'t> {
-    /// Of the transaction.
+    /// Connection of the transaction.
     pub connection: &'t mut dyn Connection,
-    /// Keys of robots that are known already.
+    /// Known keys of robots.
     pub keys: &'t mut Keys,
-    /// Robots whose keys this job has learnt: they go with what it wrote.
+    /// Robots whose keys this job has learnt: they are forgotten if its writes are undone.
     pub learnt: &'t mut Vec<RobotId>,
 }
 
 impl SqlRecords<'_> {
-    /// The robot's key; makes a row without configuration for one that is new.
+    /// Returns the robot's key; makes a row without configuration for a new robot.
     pub(super) async fn key_of(
         &mut self,
         robot: &RobotId,

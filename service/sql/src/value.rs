@@ -11,9 +11,9 @@ pub enum Value {
     Text(Option<String>),
     /// Bytes.
     Bytes(Option<Vec<u8>>),
-    /// Yes or no; SQLite keeps 1 or 0.
+    /// A boolean; SQLite stores 1 or 0.
     Boolean(Option<bool>),
-    /// Nothing, in a row whose driver knows no type for it.
+    /// Null, in a row whose driver knows no type for it.
     Null,
 }
 
@@ -21,7 +21,7 @@ pub enum Value {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row(pub Vec<Value>);
 
-/// A column holds something else.
+/// Error of a column that holds another type.
 #[derive(Debug, thiserror::Error)]
 #[error("column {index}: got {found:?}, expected {expected}")]
 pub(crate) struct UnexpectedValue {
@@ -30,22 +30,22 @@ pub(crate) struct UnexpectedValue {
     expected: &'static str,
 }
 
-/// What a column can be read as.
+/// Type that a column can be read as.
 pub(crate) trait FromValue: Sized {
-    /// What the type is called in an error.
+    /// Name of the type in an error.
     const EXPECTED: &'static str;
 
-    /// The value as this type.
+    /// Converts the value to this type.
     fn from_value(value: Value) -> Result<Self, Value>;
 }
 
 impl Row {
-    /// The integer of a column; `None` where there is none.
+    /// Returns the integer of a column; `None` without one.
     pub fn integer(&self, index: usize) -> Option<i64> {
         self.get(index).ok()
     }
 
-    /// The value of a column.
+    /// Returns the value of a column.
     pub(crate) fn get<T: FromValue>(&self, index: usize) -> Result<T, UnexpectedValue> {
         let unexpected = |found| UnexpectedValue {
             index,
@@ -57,7 +57,7 @@ impl Row {
     }
 }
 
-/// Reads a type out of its variant, and `NULL` as `None` of it.
+/// Implements reading a type from its variant, and `NULL` as its `None`.
 macro_rules! read_from {
     ($type:ty, $expected:literal, $($pattern:pat => $read:expr),+) => {
         impl FromValue for $type {
@@ -109,7 +109,7 @@ impl<T: FromValue> FromValue for Option<T> {
     }
 }
 
-/// Makes a value of a type, and of an option of it.
+/// Implements making a value of a type, and of an option of it.
 macro_rules! write_as {
     ($type:ty, $variant:ident, $convert:expr) => {
         impl From<$type> for Value {

@@ -14,7 +14,7 @@ use super::transaction::SqlRecords;
 use super::value::Row;
 
 const TABLE: &str = "webhook_delivery";
-/// The columns of [`delivery_of`].
+/// Columns that [`delivery_of`] reads.
 macro_rules! delivery_columns {
     () => {
         "d.id, d.webhook, d.message, d.event, d.body, d.created_ns, d.state, d.due_ns, \
@@ -147,7 +147,7 @@ impl WebhookRecords for SqlRecords<'_> {
     }
 }
 
-/// Every webhook, oldest first.
+/// Returns every webhook, oldest first.
 pub(super) async fn webhooks(connection: &mut dyn Connection) -> Result<Vec<Webhook>, StoreError> {
     let rows = query("SELECT id, record FROM webhook ORDER BY id")
         .fetch_all(&mut *connection)
@@ -156,7 +156,7 @@ pub(super) async fn webhooks(connection: &mut dyn Connection) -> Result<Vec<Webh
     rows.iter().map(webhook_of).collect()
 }
 
-/// A webhook's deliveries, newest first.
+/// Returns a webhook's deliveries, newest first.
 pub(super) async fn deliveries(
     connection: &mut dyn Connection,
     webhook: WebhookId,
@@ -179,7 +179,7 @@ pub(super) async fn deliveries(
     rows.iter().map(delivery_of).collect()
 }
 
-/// The oldest delivery of each webhook that is due.
+/// Returns the oldest due delivery of each webhook.
 pub(super) async fn due(
     connection: &mut dyn Connection,
     now: WallTime,
@@ -211,7 +211,7 @@ pub(super) async fn due(
     rows.iter().map(due).collect()
 }
 
-/// How many deliveries wait.
+/// Returns the number of waiting deliveries.
 pub(super) async fn waiting(connection: &mut dyn Connection) -> Result<u64, StoreError> {
     let count = query_scalar("SELECT count(*) FROM webhook_delivery WHERE state = 'waiting'")
         .fetch_one(&mut *connection)

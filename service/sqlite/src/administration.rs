@@ -16,12 +16,12 @@ use sqlx::sqlite::SqliteConnection;
 use super::connection::OnConnection;
 use super::writer::SharedWriter;
 
-/// Opens the database of a folder for administration, whether a service holds it or not. It makes
-/// none: a folder without one is a wrong folder.
+/// Opens the database of a folder for administration, whether a service holds it or not. It never
+/// creates one: a folder without a database is a wrong folder.
 ///
 /// # Errors
-/// [`StoreError::Missing`] without a database, [`StoreError::OtherSchema`] when a service of another
-/// version runs on it, and whatever else keeps it from being opened.
+/// [`StoreError::Missing`] without a database, [`StoreError::OtherSchema`] if a service of another
+/// version runs on it, or another error of opening it.
 pub async fn administration(path: &Path) -> Result<Administration, StoreError> {
     let database = Folder::database_in(path);
     if !database.is_file() {
@@ -38,18 +38,18 @@ pub async fn administration(path: &Path) -> Result<Administration, StoreError> {
     Ok(Administration::new(SharedWriter::new(writer), reader, held))
 }
 
-/// A database that is read as a whole, while no service runs on it.
+/// A database to be read as a whole, while no service runs on it.
 pub struct Source {
     connection: SqliteConnection,
     _folder: Folder,
 }
 
 impl Source {
-    /// Takes a folder and opens its database, brought to this program's schema.
+    /// Locks a folder, opens its database, and migrates it to this program's schema.
     ///
     /// # Errors
     /// [`StoreError::Missing`] without a database, [`StoreError::InUse`] while a service runs on
-    /// it, and whatever else keeps it from being opened.
+    /// it, or another error of opening it.
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
         let database = Folder::database_in(path);
         if !database.is_file() {
@@ -83,11 +83,11 @@ impl Connection for Source {
 }
 
 /// Copies the database of a folder into the file `to`, whole and as of one moment, also while a
-/// service writes. The file is its owner's alone, and it is there only once it is complete; one
-/// that was there before is replaced.
+/// service writes. Only its owner can read the file, which appears once it is complete and replaces
+/// an existing one.
 ///
 /// # Errors
-/// [`StoreError::Missing`] without a database, [`StoreError::Backup`] when the file cannot be
+/// [`StoreError::Missing`] without a database, [`StoreError::Backup`] if the file cannot be
 /// written.
 pub async fn backup(folder: &Path, to: &Path) -> Result<(), StoreError> {
     let database = Folder::database_in(folder);
@@ -110,14 +110,14 @@ pub async fn backup(folder: &Path, to: &Path) -> Result<(), StoreError> {
     finished
 }
 
-/// Where a backup is until it is complete.
+/// Returns the path of a backup until it is complete.
 pub(super) fn unfinished(to: &Path) -> Option<PathBuf> {
     let mut name = to.file_name()?.to_owned();
     name.push(".tmp");
     Some(to.with_file_name(name))
 }
 
-/// Makes an empty file that its owner alone can read; one that an earlier backup left is removed.
+/// Creates an empty file that its owner alone can read; one that an earlier backup left is removed.
 pub(super) fn make_private(path: &Path) -> Result<(), Error> {
     match std::fs::remove_file(path) {
         Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
@@ -130,7 +130,7 @@ pub(super) fn make_private(path: &Path) -> Result<(), Error> {
     options.open(path).map(drop)
 }
 
-/// Gives a complete backup its name, for good.
+/// Renames a complete backup durably.
 pub(super) fn finish(unfinished: &Path, to: &Path) -> Result<(), Error> {
     File::open(unfinished)?.sync_all()?;
     std::fs::rename(unfinished, to)?;

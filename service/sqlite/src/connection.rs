@@ -26,7 +26,7 @@ impl Connection for OnConnection<'_> {
     }
 }
 
-/// The connections that only read.
+/// Connections for reading.
 #[derive(Debug)]
 pub(crate) struct ReadPool(pub(crate) SqlitePool);
 
@@ -54,7 +54,7 @@ async fn rows(
     rows.iter().map(row_of).collect()
 }
 
-/// The statement with its values. sqlx keeps it prepared by its text, which no value enters.
+/// Prepares a statement with its values. sqlx caches it by its text, which contains no values.
 fn prepared(statement: Statement) -> sqlx::query::Query<'static, Sqlite, SqliteArguments> {
     let query = sqlx::query(AssertSqlSafe(statement.sql.into_owned()));
     statement
@@ -78,7 +78,7 @@ fn row_of(row: &SqliteRow) -> Result<Row, StatementError> {
     values.collect::<Result<_, _>>().map(Row)
 }
 
-/// A value by its own type: SQLite's columns have one, its expressions only their values.
+/// Reads a value by its own type: SQLite's columns have one, its expressions only their values.
 fn value_of(value: SqliteValueRef<'_>) -> Result<Value, sqlx::error::BoxDynError> {
     if value.is_null() {
         return Ok(Value::Null);

@@ -32,20 +32,20 @@ pub use restore::{Restored, restore};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../../migrations/sqlite");
 
-/// A future that is compiled in this crate, and not in each that awaits it.
+/// Future that is compiled in this crate instead of each that awaits it.
 pub type Boxed<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
-/// What an acknowledged commit outlives.
+/// Failure that an acknowledged commit survives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outlives {
-    /// The machine's power. The service knows nothing else.
+    /// Loss of the machine's power. The service uses nothing else.
     Power,
-    /// The process alone. With this, the test that takes the power away shows that it can fail.
+    /// End of the process alone. With this, the test that cuts the power shows that it can fail.
     #[doc(hidden)]
     Process,
 }
 
-/// The database of a folder, which is held as long as this value.
+/// The database of a folder, which is locked as long as this value exists.
 #[derive(Debug)]
 struct Held {
     folder: Folder,
@@ -61,16 +61,16 @@ impl Database for Held {
     }
 }
 
-/// Opens the store of a folder, which is made when it is missing, and starts its writer.
+/// Opens the store of a folder, which is created if missing, and starts its writer.
 ///
 /// # Errors
-/// [`StoreError::InUse`] when another process has it, [`StoreError::NewerSchema`] when a newer
-/// program wrote it, and whatever else keeps it from being opened.
+/// [`StoreError::InUse`] if another process has it, [`StoreError::NewerSchema`] if a newer program
+/// wrote it, or another error of opening it.
 pub fn open(folder: &Path, clock: SharedClock) -> Boxed<'_, Result<Store, StoreError>> {
     open_with(folder, clock, Outlives::Power)
 }
 
-/// The same, with commits that may outlive less.
+/// Opens the store with commits of weaker durability.
 ///
 /// # Errors
 /// As [`open`].
@@ -83,8 +83,8 @@ pub fn open_with(
     Box::pin(start(folder, clock, outlives, JobRuns::Once))
 }
 
-/// The same, with each job run twice, of which the first run is undone: so tests find a job that
-/// cannot be run again.
+/// Opens the store so that each job runs twice, with the first run undone: this lets tests find a
+/// job that cannot be repeated.
 ///
 /// # Errors
 /// As [`open`].
@@ -110,7 +110,7 @@ async fn start(
     Ok(Store::start(records, telemetry, reader, held, clock))
 }
 
-/// The newest migration in this program.
+/// Returns the newest migration in this program.
 fn schema_known() -> i64 {
     MIGRATIONS
         .iter()
@@ -119,8 +119,7 @@ fn schema_known() -> i64 {
         .unwrap_or(0)
 }
 
-/// Opens the database of a folder, makes it when it is missing, and brings it to this program's
-/// schema.
+/// Opens the database of a folder, creates it if missing, and migrates it to this program's schema.
 ///
 /// # Errors
 /// [`StoreError::NewerSchema`], [`StoreError::Migration`], [`StoreError::Database`] or
@@ -153,12 +152,11 @@ async fn connect(
     Ok((SqliteWriter::new(connection, options, jobs).await?, reader))
 }
 
-/// Opens the database of a folder for administration. A folder that is held is migrated; that of a
-/// running service is taken as it is.
+/// Opens the database of a folder for administration. A locked folder is migrated; that of a
+/// running service is used unchanged.
 ///
 /// # Errors
-/// [`StoreError::OtherSchema`] when the running service is another version; else those of
-/// [`open`].
+/// [`StoreError::OtherSchema`] if the running service has another version; else those of [`open`].
 async fn administer(
     path: &Path,
     held: Option<&Folder>,
@@ -187,7 +185,7 @@ async fn administer(
     ))
 }
 
-/// Copies a database as it is now into `to`, which is empty or missing.
+/// Copies the present database into `to`, which is empty or missing.
 ///
 /// # Errors
 /// [`StoreError::Database`].
@@ -210,7 +208,7 @@ async fn copy_into(connection: &mut SqliteConnection, to: &Path) -> Result<(), S
     Ok(())
 }
 
-/// Writes over a connection of its own, to find out whether the database takes writes at all.
+/// Writes over a connection of its own, to test whether the database accepts writes at all.
 ///
 /// # Errors
 /// [`StoreError::Database`].

@@ -15,23 +15,23 @@ use sqlx::{ConnectOptions as _, SqliteConnection};
 use super::administration::{finish, make_private, unfinished};
 use super::{close, copy_into, schema_known};
 
-/// What a restored folder has.
+/// Result of a restore.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Restored {
-    /// Robots in the database.
+    /// Number of robots in the database.
     pub robots: u64,
-    /// Whether the signing key is there, without which agents refuse the service's documents.
+    /// True if the signing key is there, without which agents refuse the service's documents.
     pub has_key: bool,
 }
 
-/// Puts a backup, and the signing key of the folder that it was made of, into `folder`, which must
-/// have no database and no other key. The backup is checked first. When it fails, neither is there;
-/// killed in its middle, it may leave the key, with which it can be run again.
+/// Puts a backup, and the signing key of its folder, into `folder`, which must have neither a
+/// database nor another key. The backup is checked first. On failure, neither remains; a kill in
+/// the middle may leave the key, with which it can be run again.
 ///
 /// # Errors
-/// [`StoreError::Restore`] for a backup or key that cannot be used or a folder that has a database,
+/// [`StoreError::Restore`] for an unusable backup or key or a folder that has a database,
 /// [`StoreError::NewerSchema`] for a backup of a newer program, [`StoreError::InUse`] while a
-/// service runs on the folder, [`StoreError::Folder`] when it cannot be written.
+/// service runs on the folder, [`StoreError::Folder`] if it cannot be written.
 pub async fn restore(
     backup: &Path,
     key: Option<&Path>,
@@ -103,7 +103,8 @@ fn remove(path: &Path) {
     }
 }
 
-/// A backup is a file that nobody writes, and beside which nothing may be written.
+/// Returns the options for reading a backup, a file that no process writes, and beside which
+/// nothing may be written.
 fn reading(backup: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new()
         .filename(backup)
@@ -118,7 +119,8 @@ fn refused(path: &Path, reason: &str) -> StoreError {
     }
 }
 
-/// Whether a file is a sound database of a schema that this program knows; gives its robots.
+/// Checks that a file is a sound database of a schema that this program knows; returns the number
+/// of its robots.
 async fn check(backup: &Path) -> Result<u64, StoreError> {
     if !backup.is_file() {
         return Err(refused(backup, "is not a file"));
@@ -139,7 +141,7 @@ async fn check(backup: &Path) -> Result<u64, StoreError> {
     }
 }
 
-/// What SQLite's check says, the newest migration, and the number of robots.
+/// Returns the result of SQLite's check, the newest migration, and the number of robots.
 async fn sound(connection: &mut SqliteConnection) -> Result<(String, i64, i64), sqlx::Error> {
     let said = sqlx::query_scalar("PRAGMA integrity_check(1)")
         .fetch_one(&mut *connection)

@@ -14,7 +14,7 @@ use tokio::sync::Mutex;
 
 use super::connection::OnConnection;
 
-/// The one connection that writes, and how it is opened again.
+/// The only connection that writes, with its reopening.
 ///
 /// A connection on which a transaction did not begin or end as it should is dropped: sqlx-sqlite
 /// lowers its transaction depth only when COMMIT or ROLLBACK succeeds, and refuses every later
@@ -24,48 +24,48 @@ pub(crate) struct SqliteWriter {
     options: SqliteConnectOptions,
     /// `None` after a failure, until the next commit opens another.
     connection: Option<SqliteConnection>,
-    /// Never writes, and stays open as long as this value. While it is there, no connection is the
-    /// first one, so that none recovers the write-ahead log: what a failed COMMIT left in the log
-    /// stays out of the database and is overwritten. Without it, a batch that is written again
-    /// could count twice.
+    /// Connection that never writes, and stays open as long as this value. While it exists, no
+    /// connection is the first one, so that none recovers the write-ahead log: whatever a failed
+    /// COMMIT left in the log stays out of the database and is overwritten. Without it, a batch
+    /// that is written again could count twice.
     keeper: SqliteConnection,
     /// Keys of the robots of committed transactions.
     keys: Keys,
     jobs: JobRuns,
 }
 
-/// How often each job is run.
+/// Number of runs of each job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum JobRuns {
     Once,
-    /// First in vain, then again: as a database that could not bring its transaction into an order
-    /// with others would do it.
+    /// Each job runs once in vain, then again, as in a database that failed to serialize its
+    /// transaction.
     Twice,
 }
 
-/// What one transaction does.
+/// Work of one transaction.
 enum Work<'a> {
     Jobs(&'a mut [Waiting], JobRuns),
     Telemetry(&'a Batch),
     Prune(Aged, i64),
 }
 
-/// How a transaction ended.
+/// Outcome of a transaction.
 #[derive(Debug)]
 enum Ended {
-    /// With so many rows deleted.
+    /// Committed, with this number of deleted rows.
     Committed(u64),
-    /// Nothing was written, and the connection can be used.
+    /// Rolled back: nothing was written, and the connection remains usable.
     RolledBack(StoreError),
-    /// Nothing was written, and the connection cannot be used any more.
+    /// Broken: nothing was written, and the connection is no longer usable.
     Broken(StoreError),
 }
 
-/// Why a transaction was not committed.
+/// Reason for which a transaction was not committed.
 enum Failed {
-    /// It is to be undone.
+    /// The transaction has to be undone.
     Undo(StoreError),
-    /// Its connection does not know any more where it stands.
+    /// The state of its connection is unknown.
     Lost(StoreError),
 }
 
@@ -76,10 +76,11 @@ impl From<StoreError> for Failed {
 }
 
 impl SqliteWriter {
-    /// Takes the first connection; `options` open the next ones, of the same database.
+    /// Makes the writer from the first connection; `options` open the next ones, of the same
+    /// database.
     ///
     /// # Errors
-    /// [`StoreError::Database`] when a second connection cannot be opened beside it.
+    /// [`StoreError::Database`] if a second connection cannot be opened beside it.
     pub(super) async fn new(
         connection: SqliteConnection,
         options: SqliteConnectOptions,
@@ -128,7 +129,7 @@ impl SqliteWriter {
         }
     }
 
-    /// The connection; a new one after a failure.
+    /// Returns the connection; a new one after a failure.
     async fn connection(&mut self) -> Result<SqliteConnection, StoreError> {
         match self.connection.take() {
             Some(connection) => Ok(connection),
@@ -148,8 +149,8 @@ impl SqliteWriter {
     }
 }
 
-/// The writer, held by the task of jobs and by that of telemetry. The lock is fair: after each
-/// transaction of the one, the other one's turn comes.
+/// Writer shared by the task of jobs and that of telemetry. The lock is fair: after each
+/// transaction of one task, the other has its turn.
 #[derive(Debug, Clone)]
 pub(crate) struct SharedWriter(Arc<Mutex<SqliteWriter>>);
 
@@ -158,7 +159,7 @@ impl SharedWriter {
         Self(Arc::new(Mutex::new(writer)))
     }
 
-    /// Closes the connection when nobody else holds it.
+    /// Closes the connection once it has no other holder.
     async fn let_go(self) -> Result<(), StoreError> {
         match Arc::into_inner(self.0) {
             Some(writer) => writer.into_inner().close().await,
@@ -198,7 +199,7 @@ impl TelemetryWriter for SharedWriter {
     }
 }
 
-/// Does some work in one transaction.
+/// Performs some work in one transaction.
 async fn transact(connection: &mut SqliteConnection, keys: &mut Keys, work: Work<'_>) -> Ended {
     // A deferred transaction that reads first could not become a writing one while another
     // process writes, whatever the busy timeout.
@@ -235,7 +236,7 @@ async fn transact(connection: &mut SqliteConnection, keys: &mut Keys, work: Work
     }
 }
 
-/// Runs jobs, each in a savepoint: what one writes before it fails is undone, and the others stay.
+/// Runs jobs, each in a savepoint: the writes of a failed job are undone, and the others stay.
 async fn run(
     transaction: &mut Transaction<'_, Sqlite>,
     keys: &mut Keys,
@@ -251,7 +252,7 @@ async fn run(
     Ok(())
 }
 
-/// Runs a job in a savepoint, and undoes what it wrote when it fails or is not to be `kept`.
+/// Runs a job in a savepoint, and undoes its writes if it fails or is not to be `kept`.
 async fn run_one(
     transaction: &mut Transaction<'_, Sqlite>,
     keys: &mut Keys,

@@ -13,10 +13,10 @@ use fleetcal_proto::{KeyRoot, Keys, RobotId};
 
 use crate::command::{CommandError, passwords};
 
-/// The bit of a mode that lets everybody read.
+/// Bit of a mode by which everybody may read.
 const READABLE_BY_ALL: u32 = 0o004;
 
-/// What the printed configuration is for.
+/// Explanation of the printed configuration.
 const LONG_HELP: &str = "\
 Prints a native Zenoh configuration of a router: deny by default, and for each robot what it sends, \
 asks for and hears, on its own keys alone. A robot is known by the name it connects under, which is \
@@ -28,41 +28,41 @@ zenohd -c router.json5
 
 Zenoh reads the list when the router starts: for one more robot, generate it again and restart.";
 
-/// What `fleetcal acl` takes.
+/// Arguments of `fleetcal acl`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// What to do.
+    /// The action.
     #[command(subcommand)]
     pub action: Action,
 }
 
-/// What can be done about access lists.
+/// Actions on access lists.
 #[derive(Debug, Subcommand)]
 pub enum Action {
     /// Prints a router's configuration with an access list per robot
     Generate(GenerateArguments),
 }
 
-/// How a router knows who connects.
+/// Way in which a router identifies its peers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum IdentityName {
-    /// By the common name of its certificate (mTLS).
+    /// Common name of the certificate (mTLS).
     Certificate,
-    /// By user and password.
+    /// User and password.
     User,
 }
 
-/// What `fleetcal acl generate` takes.
+/// Arguments of `fleetcal acl generate`.
 #[derive(Debug, Args)]
 #[command(after_long_help = LONG_HELP)]
 pub struct GenerateArguments {
     /// A robot; may be repeated
     #[arg(long, value_name = "ID", value_parser = RobotId::parse)]
     pub robot: Vec<RobotId>,
-    /// A `fleetcal.toml`: its robots too, and its root
+    /// A `fleetcal.toml` whose robots and root are used too
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// How robots and the service are identified
+    /// Identification of robots and service
     #[arg(long, value_enum, default_value = "certificate")]
     pub identity: IdentityName,
     /// The router's certificate, PEM
@@ -74,29 +74,29 @@ pub struct GenerateArguments {
     /// The authority that signed the certificates of robots and service, PEM
     #[arg(long, value_name = "FILE", requires = "tls_certificate")]
     pub tls_ca: Option<PathBuf>,
-    /// The file with the passwords, `user:password` in each line; who has none there gets one, and
-    /// the file is made where it is missing
+    /// The file with the passwords, `user:password` in each line; a missing file is created, and
+    /// missing passwords are added
     #[arg(long, value_name = "FILE", conflicts_with = "tls_ca")]
     pub passwords: Option<PathBuf>,
-    /// For an external router: the name under which the service connects
+    /// Name under which the service connects, for an external router
     #[arg(long, value_name = "NAME", value_parser = RobotId::parse)]
     pub service: Option<RobotId>,
-    /// A further key expression that each robot may put to, with {robot} for its id, such as
+    /// A further key expression on which each robot may publish, with {robot} for its id, such as
     /// `*/{robot}/scan/**`; may be repeated
     #[arg(long, value_name = "KEYEXPR")]
     pub stream: Vec<String>,
-    /// Where the router listens; may be repeated [default: tls/0.0.0.0:7447, without certificate
-    /// tcp/0.0.0.0:7447]
+    /// An endpoint that the router listens on; may be repeated [default: tls/0.0.0.0:7447, without
+    /// certificate tcp/0.0.0.0:7447]
     #[arg(short = 'l', long, value_name = "ENDPOINT")]
     pub listen: Vec<String>,
-    /// Another router of the fleet, by the common name of its certificate: everything that came in
-    /// there passes; may be repeated
+    /// Another router of the fleet, by the common name of its certificate: all messages that
+    /// entered there pass; may be repeated
     #[arg(long, value_name = "NAME", requires = "tls_ca")]
     pub router: Vec<String>,
-    /// Where another router is; may be repeated
+    /// An endpoint of another router; may be repeated
     #[arg(short = 'e', long, value_name = "ENDPOINT", requires = "router")]
     pub connect: Vec<String>,
-    /// First chunk of every key [default: fleet, or what --config says]
+    /// First chunk of every key [default: fleet, or from --config]
     #[arg(long, value_name = "CHUNK", value_parser = KeyRoot::parse)]
     pub root: Option<KeyRoot>,
 }
@@ -104,7 +104,7 @@ pub struct GenerateArguments {
 /// Prints the configuration.
 ///
 /// # Errors
-/// When no robot is named, a stream is every robot's, or the configuration is refused.
+/// Without a named robot, for a stream that is every robot's, or for a refused configuration.
 pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     let Action::Generate(arguments) = &arguments.action;
     let router = router(arguments)?;
@@ -188,13 +188,13 @@ fn router(arguments: &GenerateArguments) -> Result<StrictRouter, CommandError> {
     })
 }
 
-/// Whether everybody may read a file.
+/// True if everybody may read a file.
 fn is_readable_by_all(path: &Path) -> bool {
     let mode = fs::metadata(path).map(|file| file.permissions().mode());
     mode.is_ok_and(|mode| mode & READABLE_BY_ALL != 0)
 }
 
-/// How robots and the service are identified, once everything is there that it takes.
+/// Returns the identification of robots and service, once all its parts are present.
 fn identity(arguments: &GenerateArguments) -> Result<Identity, CommandError> {
     match (arguments.identity, &arguments.passwords, &arguments.tls_ca) {
         (IdentityName::Certificate, None, Some(_)) => Ok(Identity::Certificate),

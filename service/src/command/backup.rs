@@ -7,10 +7,10 @@ use clap::Args;
 use crate::command::CommandError;
 use crate::database::Place;
 
-/// What `fleetcal backup` takes.
+/// Arguments of `fleetcal backup`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Where the records are
+    /// Place of the records
     #[command(flatten)]
     pub place: Place,
     /// The file to write; an existing file is replaced when the new one is complete
@@ -21,7 +21,7 @@ pub struct Arguments {
 /// Copies the database.
 ///
 /// # Errors
-/// When there is none, it is in PostgreSQL, or the file cannot be written.
+/// There is no database, it is in PostgreSQL, or the file cannot be written.
 pub async fn run(arguments: &Arguments) -> Result<(), CommandError> {
     fleetcal_sqlite::backup(arguments.place.folder()?, &arguments.to).await?;
     Ok(())

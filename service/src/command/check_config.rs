@@ -8,7 +8,7 @@ use fleetcal_config::Config;
 
 use crate::command::CommandError;
 
-/// What `fleetcal check-config` takes.
+/// Arguments of `fleetcal check-config`.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// The `fleetcal.toml`
@@ -16,10 +16,10 @@ pub struct Arguments {
     pub config: PathBuf,
 }
 
-/// Reads the configuration as `fleetcal serve --config` does, and prints what it configures.
+/// Reads the configuration as `fleetcal serve --config` does, and prints a summary of it.
 ///
 /// # Errors
-/// When it cannot be read or is refused: the line, the key, and what is expected.
+/// The configuration cannot be read or is refused: the line, the key, and the accepted values.
 pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     let config = Config::read(&arguments.config)?;
     let robots = config.robots.len();

@@ -6,7 +6,7 @@ use fleetcal_command::output::print_text;
 
 use crate::command::{Cli, CommandError};
 
-/// What `fleetcal completions` takes.
+/// Arguments of `fleetcal completions`.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// The shell
@@ -17,7 +17,7 @@ pub struct Arguments {
 /// Prints the script.
 ///
 /// # Errors
-/// When the standard output cannot be written.
+/// The standard output cannot be written.
 pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     let mut script = Vec::new();
     clap_complete::generate(

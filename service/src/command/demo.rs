@@ -1,6 +1,7 @@
 //! `fleetcal demo`: the service, its router and a small simulated fleet in one process.
 
 use std::net::{SocketAddr, TcpListener};
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -26,10 +27,10 @@ use crate::command::stopping::stop_in_time;
 use crate::database::DatabaseArguments;
 use crate::service::{Service, ServiceError};
 
-/// How often the demo looks how far its robots are.
+/// Interval at which the demo checks its robots' progress.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
-/// What `fleetcal demo` takes.
+/// Arguments of `fleetcal demo`.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// Number of robots
@@ -54,7 +55,7 @@ pub struct Arguments {
 /// Runs until SIGTERM or SIGINT.
 ///
 /// # Errors
-/// When an address is in use or the data folder cannot be used.
+/// An address is in use or the data folder cannot be used.
 pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
     let robots = simulated_robots(arguments.robots, arguments.seed)?;
     let data = match &arguments.data {
@@ -87,6 +88,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
             keys: Keys::default(),
             trusted: Some(TrustedKeys::from(service.lifecycle().public_key())),
             start_stamp_ns: clock.now().0,
+            rate: NonZeroU32::MIN,
         },
         stop.clone(),
     ));
@@ -99,7 +101,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     Ok(())
 }
 
-/// Says how many robots are calibrated, each time that more are, until all are.
+/// Prints the number of calibrated robots each time that it grows, until all are.
 async fn say_progress(fleet: FleetHandle, clock: SharedClock) -> Result<(), CommandError> {
     let began = clock.elapsed();
     let mut look = tokio::time::interval(LOOK_EVERY);
@@ -125,7 +127,7 @@ async fn say_progress(fleet: FleetHandle, clock: SharedClock) -> Result<(), Comm
     }
 }
 
-/// One account of each role, and a second approver, since nobody approves what he has proposed.
+/// Accounts of the demo: one of each role, and a second approver, since a proposer cannot approve.
 const ACCOUNTS: [(&str, Role); 5] = [
     ("admin", Role::Admin),
     ("approver", Role::Approver),
@@ -136,7 +138,7 @@ const ACCOUNTS: [(&str, Role); 5] = [
 /// Digits of the demo's passwords: 64 bits, short enough to type.
 const PASSWORD_DIGITS: usize = 16;
 
-/// Makes the demo's accounts in a store without users; says who they are.
+/// Makes the demo's accounts in a store without users; returns their description.
 async fn seed_accounts(store: &Store) -> Result<String, CommandError> {
     if store.has_users().await? {
         return Ok("The accounts are those of this folder's first demo.\n".to_owned());
@@ -158,7 +160,7 @@ async fn seed_accounts(store: &Store) -> Result<String, CommandError> {
     Ok(told.concat())
 }
 
-/// The robot as an operator would register it: its drawing, not its truth.
+/// Makes the robot's entry as an operator would register it: its drawing, not its truth.
 fn entry(robot: &SimulatedRobot) -> Result<RobotEntry, ValueRefused> {
     let wheelbase = Wheelbase::try_from(robot.wheelbase_m())?;
     let mut config = RobotConfig::of_vehicle(robot.model(), wheelbase);
@@ -169,8 +171,8 @@ fn entry(robot: &SimulatedRobot) -> Result<RobotEntry, ValueRefused> {
     })
 }
 
-/// The demo's own folder, emptied. Its name holds the port, and the port is free: no other demo
-/// works in it.
+/// Empties the demo's own folder. Its name holds the port, and the port is free: no other demo uses
+/// it.
 fn fresh_folder(http: SocketAddr) -> Result<PathBuf, CommandError> {
     drop(
         TcpListener::bind(http).map_err(|source| ServiceError::Http {

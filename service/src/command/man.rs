@@ -6,7 +6,7 @@ use clap::{Args, CommandFactory};
 
 use crate::command::{Cli, CommandError};
 
-/// What `fleetcal man` takes.
+/// Arguments of `fleetcal man`.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// The folder to write them into, such as /usr/local/share/man/man1; it must exist
@@ -17,7 +17,7 @@ pub struct Arguments {
 /// Writes `fleetcal.1`, `fleetcal-serve.1` and so on.
 ///
 /// # Errors
-/// When a page cannot be written.
+/// A page cannot be written.
 pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     clap_mangen::generate_to(Cli::command(), &arguments.to)?;
     Ok(())

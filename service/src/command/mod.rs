@@ -18,7 +18,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 use fleetcal_command::{
-    EXIT_FAILED, EXIT_IO, EXIT_USAGE, agent, calibrate, odometry, replay, schema, simulate,
+    EXIT_FAILED, EXIT_IO, EXIT_USAGE, agent, calibrate, doctor, odometry, replay, schema, simulate,
 };
 use fleetcal_config::ConfigError;
 use fleetcal_domain::access::{
@@ -41,7 +41,7 @@ use crate::service::ServiceError;
 #[derive(Debug, Parser)]
 #[command(name = "fleetcal", version, propagate_version = true)]
 pub struct Cli {
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -51,6 +51,8 @@ pub struct Cli {
 pub enum Command {
     /// Calibrates the robot of a recording
     Calibrate(calibrate::Arguments),
+    /// Names what is wrong with the inputs of a recording
+    Doctor(doctor::Arguments),
     /// Writes the LiDAR's trajectory of a recording, by LiDAR odometry alone
     Odometry(odometry::Arguments),
     /// Runs the service
@@ -79,13 +81,13 @@ pub enum Command {
     CheckConfig(check_config::Arguments),
     /// Prints the completions of a shell: fleetcal completions bash
     Completions(completions::Arguments),
-    /// Prints the JSON Schema of what a command prints with --json
+    /// Prints the JSON Schema of a command's output with --json
     Schema(schema::Arguments),
     /// Writes the manual pages into a folder
     Man(man::Arguments),
 }
 
-/// Why a command failed, in one sentence.
+/// Error of a command, in one sentence.
 #[derive(Debug, Error)]
 pub enum CommandError {
     /// A command that opens no data folder failed, or a step that all commands share.
@@ -97,28 +99,28 @@ pub enum CommandError {
     /// The database of a data folder could not be read or changed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// There is no database for it.
+    /// The command has no database.
     #[error(transparent)]
     Database(#[from] DatabaseError),
     /// The URL of a database is refused.
     #[error("--database: {0}")]
     DatabaseUrl(#[from] DatabaseUrlRefused),
-    /// An instance may not ask another one as it is told.
+    /// An instance may not contact another one as configured.
     #[error("--peer: {0}")]
     Cluster(String),
     /// The URL of a copy is refused.
     #[error("--to: {0}")]
     CopyTo(DatabaseUrlRefused),
-    /// No PostgreSQL is named.
+    /// The command names no PostgreSQL.
     #[error("no database is named: give --database URL")]
     NoPostgres,
     /// A user or token was not changed.
     #[error(transparent)]
     Account(#[from] AccountRefused),
-    /// No user has this name.
+    /// The user name is unknown.
     #[error("--name: no user {0:?} is known")]
     UserUnknown(String),
-    /// The name cannot be one.
+    /// The name is not a valid name.
     #[error("--name: {0}")]
     Name(#[from] NameRefused),
     /// Role and robot do not go together.
@@ -145,7 +147,7 @@ pub enum CommandError {
     /// A robot would have the rights of another router.
     #[error("--router: got {0}, expected the name of no robot")]
     RouterIsRobot(String),
-    /// What a router would know robots by is not there.
+    /// The files of the identification are missing.
     #[error("--identity is {identity}, which needs {needs}")]
     Identity {
         /// The identity.
@@ -158,7 +160,7 @@ pub enum CommandError {
     Passwords {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the file.
         reason: String,
     },
     /// A key expression that is the same for all robots.
@@ -168,7 +170,7 @@ pub enum CommandError {
     StreamOfAll(String),
 }
 
-/// Causes that the crate of the commands without data folder words.
+/// Implements conversions of causes that the crate of the commands without data folder describes.
 macro_rules! from_without_data {
     ($($cause:ty),+) => {$(
         impl From<$cause> for CommandError {
@@ -189,7 +191,7 @@ from_without_data!(
 );
 
 impl CommandError {
-    /// What the shell is told.
+    /// Returns the exit status of the program.
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::WithoutData(error) => error.exit_status(),

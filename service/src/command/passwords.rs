@@ -12,16 +12,16 @@ use fleetcal_operations::entropy;
 
 use crate::command::CommandError;
 
-/// Its owner alone reads and writes a file that is made here.
+/// Mode of a new file, which its owner alone reads and writes.
 const OWNER_ALONE: u32 = 0o600;
-/// Random bytes of a password: nobody types it.
+/// Random bytes of a password, which is never typed.
 const PASSWORD_BYTES: usize = 16;
 
-/// Gives each of these names a password that has none in the file, which is made where there is none.
-/// Returns who got one.
+/// Adds a password for each of these names that has none in the file, which is created if missing.
+/// Returns the names that got one.
 ///
 /// # Errors
-/// When the file cannot be read or written, or has another form.
+/// The file cannot be read or written, or has another form.
 pub fn complete<'a>(
     path: &Path,
     names: impl Iterator<Item = &'a str>,

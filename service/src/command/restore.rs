@@ -7,7 +7,7 @@ use fleetcal_command::output::print_text;
 
 use crate::command::CommandError;
 
-/// What `fleetcal restore` takes.
+/// Arguments of `fleetcal restore`.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// The backup, as `fleetcal backup` wrote it
@@ -25,7 +25,7 @@ pub struct Arguments {
 /// Checks the backup and copies it.
 ///
 /// # Errors
-/// When the backup or the key cannot be used, or the folder has a database.
+/// The backup or the key cannot be used, or the folder has a database.
 pub async fn run(arguments: &Arguments) -> Result<(), CommandError> {
     let Arguments {
         from,

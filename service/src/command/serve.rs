@@ -18,7 +18,7 @@ use crate::command::stopping::stop_in_time;
 use crate::database::DatabaseArguments;
 use crate::service::Service;
 
-/// An instance and where it is.
+/// Parses an instance and its URL.
 fn peer(text: &str) -> Result<(InstanceId, PublicUrl), String> {
     let (name, url) = text
         .split_once('=')
@@ -27,13 +27,13 @@ fn peer(text: &str) -> Result<(InstanceId, PublicUrl), String> {
     Ok((name, PublicUrl::try_from(url.to_owned())?))
 }
 
-/// What stands below the flags of `fleetcal serve --help`.
+/// Explanation below the flags of `fleetcal serve --help`.
 const LONG_HELP: &str = "\
 Exit status: 0 told to stop, 2 wrong flags or files, 74 reading, writing or listening failed, or the \
 service was told to stop while rows waited that it could not write: how many is logged. 130 ended by \
 a second signal.";
 
-/// What `fleetcal serve` takes. A flag counts more than the file.
+/// Arguments of `fleetcal serve`. A flag has precedence over the file.
 #[derive(Debug, Args)]
 #[command(after_long_help = LONG_HELP)]
 pub struct Arguments {
@@ -59,30 +59,29 @@ pub struct Arguments {
     /// Zenoh router to connect to; may be repeated
     #[arg(short = 'e', long, value_name = "ENDPOINT")]
     pub connect: Vec<String>,
-    /// A native Zenoh configuration (.json5, .json, .yaml), used instead of the embedded
-    /// router with its access list; --listen and --connect replace the endpoints in it, and QUIC
-    /// endpoints get one stream
+    /// A native Zenoh configuration (.json5, .json, .yaml), used instead of the embedded router
+    /// with its access list; --listen and --connect replace its endpoints, and QUIC endpoints are
+    /// set to one stream
     #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
     /// Name of this process as one instance of several on the same --database
     #[arg(long, value_name = "NAME", value_parser = InstanceId::parse)]
     pub instance: Option<InstanceId>,
-    /// Another instance, as NAME=URL, which is asked for what it alone knows of its robots; may be
-    /// repeated
+    /// Another instance, as NAME=URL, which answers for its own robots; may be repeated
     #[arg(long, value_name = "NAME=URL", value_parser = peer)]
     pub peer: Vec<(InstanceId, PublicUrl)>,
-    /// Lets other instances be asked without TLS: whoever is on the network reads along
+    /// Lets other instances be contacted without TLS: anybody on the network can read the traffic
     #[arg(long)]
     pub plaintext_peers: bool,
     /// Lets everybody who reaches a Zenoh endpoint beyond this machine connect without password or
-    /// certificate: any of them can be any robot, and stop all others' data
+    /// certificate: any of them can impersonate any robot, and stop all others' data
     #[arg(long)]
     pub allow_anonymous: bool,
 }
 
 impl Arguments {
-    /// Its Zenoh endpoints, and the file that names them: of a configuration that is refused none, which
-    /// is told when it runs.
+    /// Returns its Zenoh endpoints, and the file that names them; empty if the configuration is
+    /// invalid: `serve` reports that on start.
     pub fn zenoh(&self) -> Vec<OsString> {
         self.config().map_or_else(
             |_| Vec::new(),
@@ -139,8 +138,8 @@ impl Arguments {
 /// Runs until SIGTERM or SIGINT.
 ///
 /// # Errors
-/// When the configuration is refused, the service cannot be started, or it ends with rows that it
-/// could not store.
+/// The configuration is refused, the service cannot be started, or it ends with rows that it could
+/// not store.
 pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
     let config = arguments.config()?;
     let mut signals = Signals::listen()?;

@@ -6,14 +6,14 @@ use fleetcal_store::StoreError;
 
 use crate::service::Service;
 
-/// What the shell is told when a second signal ended the process at once.
+/// Exit status after a second signal ended the process at once.
 const EXIT_INTERRUPTED: i32 = 130;
 
 /// Stops a service; a second signal ends the process at once, and so does
 /// [`SHUTDOWN_TIMEOUT`].
 ///
 /// # Errors
-/// [`StoreError::RowsLost`] when not everything could be stored, or the database's failure.
+/// [`StoreError::RowsLost`] if some rows could not be stored, or the database's failure.
 pub async fn stop_in_time(service: Service, mut signals: Signals) -> Result<(), StoreError> {
     let store = service.store().clone();
     // Its robots go to the other instances first, which takes its own time.

@@ -13,24 +13,24 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::command::CommandError;
 use crate::database::DatabaseArguments;
 
-/// What `fleetcal store` takes.
+/// Arguments of `fleetcal store`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// What to do.
+    /// The action.
     #[command(subcommand)]
     pub action: Action,
 }
 
-/// What is done with a database.
+/// Actions on a database.
 #[derive(Debug, Subcommand)]
 pub enum Action {
-    /// Brings a PostgreSQL to this program's schema, for a role that may not do so when it serves
+    /// Migrates a PostgreSQL to this program's schema, for a role that may not do so when it serves
     Migrate(Migrate),
     /// Copies all records of a data folder into an empty PostgreSQL, while no service runs on it
     Copy(Copy),
 }
 
-/// What `fleetcal store copy` takes.
+/// Arguments of `fleetcal store copy`.
 #[derive(Debug, Args)]
 pub struct Copy {
     /// The data folder, such as <sqlite:/var/lib/fleetcal>
@@ -40,33 +40,33 @@ pub struct Copy {
     // A text, because clap repeats a value that it refuses, and this one may hold a password.
     #[arg(long, value_name = "URL")]
     to: String,
-    /// File whose first line is its password [default: what PGPASSFILE names]
+    /// File whose first line is its password [default: the file in PGPASSFILE]
     #[arg(long, value_name = "FILE", env = "FLEETCAL_DATABASE_PASSWORD_FILE")]
     database_password_file: Option<PathBuf>,
 }
 
-/// The folder of `sqlite:DIR`.
+/// Parses the folder of `sqlite:DIR`.
 fn sqlite(text: &str) -> Result<PathBuf, String> {
     let folder = text.strip_prefix("sqlite:").filter(|dir| !dir.is_empty());
     let refused = || format!("got {text:?}, expected sqlite:DIR");
     folder.map(PathBuf::from).ok_or_else(refused)
 }
 
-/// What `fleetcal store migrate` takes.
+/// Arguments of `fleetcal store migrate`.
 #[derive(Debug, Args)]
 pub struct Migrate {
     #[command(flatten)]
     database: DatabaseArguments,
-    /// Role that `fleetcal serve` signs in as: it is granted what it needs, and may neither change
+    /// Role that `fleetcal serve` signs in as: it gets the rights it needs, and may change neither
     /// tables nor the audit
     #[arg(long, value_name = "ROLE")]
     serve_as: Option<String>,
 }
 
-/// Does what was asked for.
+/// Runs the action.
 ///
 /// # Errors
-/// When the database cannot be reached or changed.
+/// The database cannot be reached or changed.
 pub async fn run(arguments: &Arguments) -> Result<(), CommandError> {
     match &arguments.action {
         Action::Migrate(migrate) => self::migrate(migrate).await,
@@ -113,7 +113,7 @@ async fn copy(arguments: &Copy) -> Result<(), CommandError> {
     ))?)
 }
 
-/// A bar on standard error, for people alone.
+/// Makes a bar on standard error, for people alone.
 fn progress(rows: u64) -> ProgressBar {
     let bar = ProgressBar::new(rows);
     let style =

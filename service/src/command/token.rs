@@ -17,15 +17,15 @@ use jiff::{Span, SpanRelativeTo, Timestamp, Unit};
 use crate::command::CommandError;
 use crate::database::Place;
 
-/// What `fleetcal token` takes.
+/// Arguments of `fleetcal token`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// What to do.
+    /// The action.
     #[command(subcommand)]
     pub action: Action,
 }
 
-/// What is done with tokens.
+/// Actions on tokens.
 #[derive(Debug, Subcommand)]
 pub enum Action {
     /// Creates a token and prints it alone on standard output; it is not shown again
@@ -36,10 +36,10 @@ pub enum Action {
     Revoke(Revoke),
 }
 
-/// What `fleetcal token create` takes.
+/// Arguments of `fleetcal token create`.
 #[derive(Debug, Args)]
 pub struct Create {
-    /// Where the records are
+    /// Place of the records
     #[command(flatten)]
     pub place: Place,
     /// viewer, operator, approver, admin or robot
@@ -51,15 +51,15 @@ pub struct Create {
     /// The robot, for a token of role robot
     #[arg(long, value_name = "ID")]
     pub robot: Option<RobotId>,
-    /// Validity, such as 30d or 12h; unlimited unless given
+    /// Validity, such as 30d or 12h [default: unlimited]
     #[arg(long, value_name = "SPAN", value_parser = span)]
     pub expires: Option<Duration>,
 }
 
-/// What `fleetcal token revoke` takes.
+/// Arguments of `fleetcal token revoke`.
 #[derive(Debug, Args)]
 pub struct Revoke {
-    /// Where the records are
+    /// Place of the records
     #[command(flatten)]
     pub place: Place,
     /// Its number in `fleetcal token list`
@@ -67,7 +67,7 @@ pub struct Revoke {
     pub id: TokenId,
 }
 
-/// The role of a name on the command line.
+/// Parses the role of a name on the command line.
 pub(super) fn role(name: &str) -> Result<Role, String> {
     Role::parse(name).ok_or_else(|| {
         let accepted: Vec<&str> = Role::ALL.iter().map(|one| one.as_str()).collect();
@@ -76,7 +76,7 @@ pub(super) fn role(name: &str) -> Result<Role, String> {
     })
 }
 
-/// A span of time, days being 24 hours.
+/// Parses a span of time, with days of 24 hours.
 fn span(text: &str) -> Result<Duration, String> {
     let max = limits::TOKEN_EXPIRES_MAX;
     let seconds = text.parse::<Span>().ok().and_then(|span| {
@@ -92,10 +92,10 @@ fn span(text: &str) -> Result<Duration, String> {
         })
 }
 
-/// Does what was asked for.
+/// Runs the action.
 ///
 /// # Errors
-/// When the database cannot be used, or the token is refused.
+/// The database cannot be used, or the token is refused.
 pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
     let now = clock.now();
     match &arguments.action {
@@ -128,7 +128,7 @@ async fn revoke(arguments: &Revoke, now: WallTime) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// A change that is asked for on the command line.
+/// Makes a change at the request of the command line.
 fn asked(now: WallTime, change: TokenChange) -> ChangeToken {
     ChangeToken {
         actor: Actor::command_line(),
@@ -167,7 +167,7 @@ fn row(token: &TokenRecord, now: WallTime) -> String {
     )
 }
 
-/// A time in a list, to the second.
+/// Formats a time in a list, to the second.
 pub(super) fn time(wall: Option<WallTime>) -> String {
     wall.and_then(|wall| Timestamp::from_second(wall.whole_s()).ok())
         .map_or_else(|| "never".to_owned(), |time| time.to_string())

@@ -16,31 +16,31 @@ use crate::command::CommandError;
 use crate::command::token::{role, time};
 use crate::database::Place;
 
-/// What `fleetcal user` takes.
+/// Arguments of `fleetcal user`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// What to do.
+    /// The action.
     #[command(subcommand)]
     pub action: Action,
 }
 
-/// What is done with users.
+/// Actions on users.
 #[derive(Debug, Subcommand)]
 pub enum Action {
-    /// Creates a user; asks for the password, or reads it from standard input
+    /// Creates a user; prompts for the password, or reads it from standard input
     Create(Create),
     /// Lists the users
     List(Place),
-    /// Sets a user's password and ends the user's sessions; asks for it, or reads standard input
+    /// Sets a user's password and ends the user's sessions; prompts for it, or reads standard input
     Password(Named),
     /// Disables a user and ends the user's sessions
     Disable(Named),
 }
 
-/// What `fleetcal user create` takes.
+/// Arguments of `fleetcal user create`.
 #[derive(Debug, Args)]
 pub struct Create {
-    /// Where the records are
+    /// Place of the records
     #[command(flatten)]
     pub place: Place,
     /// viewer, operator, approver or admin
@@ -54,7 +54,7 @@ pub struct Create {
 /// A user.
 #[derive(Debug, Args)]
 pub struct Named {
-    /// Where the records are
+    /// Place of the records
     #[command(flatten)]
     pub place: Place,
     /// The user's name
@@ -62,10 +62,10 @@ pub struct Named {
     pub name: String,
 }
 
-/// Does what was asked for.
+/// Runs the action.
 ///
 /// # Errors
-/// When the database cannot be used, or name or password are refused.
+/// The database cannot be used, or name or password are refused.
 pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
     let now = clock.now();
     match &arguments.action {
@@ -114,7 +114,7 @@ async fn edit(named: &Named, edit: UserEdit, now: WallTime) -> Result<(), Comman
     Ok(())
 }
 
-/// A change that is asked for on the command line.
+/// Makes a change at the request of the command line.
 fn asked(now: WallTime, change: UserChange) -> ChangeUser {
     ChangeUser {
         actor: Actor::command_line(),
@@ -144,8 +144,8 @@ fn row(user: &UserRecord) -> String {
     )
 }
 
-/// The hash of the password that somebody types, twice and unseen, or that stands on the first
-/// line of standard input.
+/// Returns the hash of a password that is typed, twice and unseen, or is the first line of standard
+/// input.
 fn asked_for() -> Result<PasswordHash, CommandError> {
     let typed = if std::io::stdin().is_terminal() {
         let first = unseen("Password: ")?;
@@ -162,7 +162,7 @@ fn asked_for() -> Result<PasswordHash, CommandError> {
     )?)
 }
 
-/// A line that is typed without being shown.
+/// Reads a line that is typed without being shown.
 fn unseen(prompt: &str) -> Result<String, std::io::Error> {
     let mut stderr = std::io::stderr();
     stderr.write_all(prompt.as_bytes())?;
@@ -178,7 +178,7 @@ fn unseen(prompt: &str) -> Result<String, std::io::Error> {
     typed
 }
 
-/// A line of standard input, without its end.
+/// Reads a line of standard input, without its end.
 fn line() -> Result<String, std::io::Error> {
     let mut line = String::new();
     std::io::stdin().lock().read_line(&mut line)?;

@@ -1,11 +1,11 @@
-//! Users, sessions and API tokens, as the store keeps them.
+//! Users, sessions and API tokens in the store.
 
 use fleetcal_domain::access::{
     AccountName, Grant, PasswordHash, SecretHash, SessionSpan, TokenSpan, TokenState,
 };
 use fleetcal_model::{TokenId, UserId, Version, WallTime};
 
-/// Somebody who signs in.
+/// User who can sign in.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UserRecord {
     /// Number.
@@ -16,75 +16,75 @@ pub struct UserRecord {
     pub grant: Grant,
     /// Password.
     pub password: PasswordHash,
-    /// Whether signing in is refused.
+    /// True if signing in is refused.
     pub disabled: bool,
-    /// Goes up by one with every change of the above.
+    /// Version, incremented with every change of the fields above.
     pub version: Version,
-    /// When the user was made, wall time.
+    /// Time of the user's creation, wall time.
     pub created_ns: WallTime,
-    /// When the user last changed, wall time.
+    /// Time of the last change, wall time.
     pub updated_ns: WallTime,
-    /// When the user last signed in, wall time.
+    /// Time of the last sign-in, wall time.
     pub signed_in_ns: Option<WallTime>,
 }
 
-/// A browser that is signed in.
+/// Session of a signed-in browser.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SessionRecord {
-    /// Whose.
+    /// User of the session.
     pub user: UserRecord,
-    /// From when on.
+    /// Begin and last use of the session.
     pub span: SessionSpan,
 }
 
-/// An API token.
+/// API token.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TokenRecord {
     /// Number.
     pub id: TokenId,
-    /// Name, which no other token that counts has.
+    /// Name, which no other valid token has.
     pub name: AccountName,
-    /// Role, and the robot that it is bound to.
+    /// Role, and the robot of a robot's token.
     pub grant: Grant,
     /// Hash of its value.
     pub hash: SecretHash,
-    /// Who made it.
+    /// Person or tool that created it.
     pub created_by: String,
-    /// From when to when it counts.
+    /// Validity period of the token.
     pub span: TokenSpan,
-    /// When it was last used, wall time.
+    /// Time of its last use, wall time.
     pub used_ns: Option<WallTime>,
 }
 
 impl TokenRecord {
-    /// Whether it counts at `now`.
+    /// State of the token at `now`.
     pub fn state(&self, now: WallTime) -> TokenState {
         self.span.state(now)
     }
 }
 
-/// A record that was written, or that the same request wrote before.
+/// Record that was written, by this request or an earlier one with its key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Written<T> {
-    /// The record as it is now; as it was before, when it was removed.
+    /// Present record; for a removed one, its last state.
     pub record: T,
-    /// Whether an earlier request with the same `Idempotency-Key` wrote it.
+    /// True if an earlier request with the same `Idempotency-Key` wrote it.
     pub repeated: bool,
 }
 
-/// That a session or token was used.
+/// Use of a session or token.
 #[derive(Debug, Clone, Copy)]
 pub struct CredentialUse {
-    /// Which.
+    /// Session or token that was used.
     pub credential: Credential,
-    /// When, wall time.
+    /// Time of the use, wall time.
     pub now: WallTime,
 }
 
-/// What somebody proves with who it is.
+/// Credential that proves an identity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Credential {
-    /// A session's cookie.
+    /// Cookie of a session.
     Session(SecretHash),
     /// An API token.
     Token(SecretHash),

@@ -1,4 +1,4 @@
-//! The store for a command that administrates, also beside the service that runs.
+//! Store of an administration command, which may run beside the service.
 
 use std::fmt;
 
@@ -14,12 +14,12 @@ use crate::transaction::{Job, Waiting};
 pub struct Administration {
     writer: Box<dyn RecordWriter>,
     reader: Box<dyn Reader>,
-    /// Held as long as this value: a folder that no service shall take meanwhile.
+    /// Lock of the data folder against a starting service, held as long as this value.
     _held: Option<Box<dyn fmt::Debug + Send + Sync>>,
 }
 
 impl Administration {
-    /// Administrates over these connections.
+    /// Makes an administration over these connections.
     pub fn new(
         writer: impl RecordWriter,
         reader: impl Reader,

@@ -1,44 +1,44 @@
-//! Alerts as the store keeps them.
+//! Alerts in the store.
 
 use fleetcal_domain::alert::ConditionName;
 use fleetcal_model::{Version, WallTime};
 use fleetcal_proto::RobotId;
 
-/// One change of an alert.
+/// Change of an alert.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AlertMoment {
-    /// When, ns since 1970, wall time.
+    /// Time of the change, ns since 1970, wall time.
     pub at_ns: WallTime,
     /// The alert's version afterwards.
     pub version: Version,
-    /// Where it stood afterwards.
+    /// Condition of the alert afterwards.
     pub state: ConditionName,
-    /// What was seen, in words.
+    /// Description of the observation.
     pub what: String,
-    /// Who acknowledged; `None` for a change of the condition.
+    /// Person or tool that acknowledged it; `None` for a change of the condition.
     pub by: Option<String>,
-    /// What the person had to say.
+    /// Note of the person.
     pub note: Option<String>,
 }
 
-/// Alerts in which conditions are asked for.
+/// Selection of alerts by their condition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AlertSelection {
-    /// All that are not over.
+    /// Alerts that have not ended.
     Active,
-    /// In this one.
+    /// Alerts in this condition.
     In(ConditionName),
 }
 
-/// Which alerts are asked for.
+/// Filter of alerts.
 #[derive(Debug, Clone, Default)]
 pub struct AlertFilter {
-    /// Of one robot.
+    /// Robot of the alerts.
     pub robot: Option<RobotId>,
-    /// In which conditions; all unless given.
+    /// Conditions of the alerts; all unless given.
     pub selection: Option<AlertSelection>,
-    /// After the alert of this rank and number.
+    /// Rank and number that the alerts come after.
     pub after: Option<(u32, i64)>,
-    /// At most so many.
+    /// Largest number of alerts.
     pub limit: u32,
 }

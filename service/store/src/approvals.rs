@@ -1,90 +1,90 @@
-//! The life cycle's records as the store keeps them.
+//! Records of the life cycle in the store.
 
 use fleetcal_domain::approval::ProposalState;
 use fleetcal_model::{AuditId, Version, WallTime};
 use fleetcal_proto::RobotId;
 use serde::Serialize;
 
-/// Whether deployments are frozen.
+/// Deployment freeze: its state and last change.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct DeploymentFreeze {
-    /// Goes up with every change of it.
+    /// Version, incremented with every change.
     pub version: Version,
-    /// Whether they are.
+    /// True if deployments are frozen.
     pub frozen: bool,
-    /// Who changed it last.
+    /// Person or tool that changed it last.
     pub by: Option<String>,
-    /// When, ns since 1970, wall time.
+    /// Time of the change, ns since 1970, wall time.
     pub at_ns: Option<WallTime>,
-    /// Why.
+    /// Reason for the change.
     pub reason: Option<String>,
 }
 
-/// Which proposals are asked for.
+/// Filter of proposals.
 #[derive(Debug, Clone, Default)]
 pub struct ProposalFilter {
-    /// Of one robot.
+    /// Robot of the proposals.
     pub robot: Option<RobotId>,
-    /// In one state.
+    /// State of the proposals.
     pub state: Option<ProposalState>,
-    /// Below this number.
+    /// Number that the proposals come before.
     pub before: Option<i64>,
-    /// At most so many.
+    /// Largest number of proposals.
     pub limit: u32,
 }
 
-/// Which rows of the audit are asked for.
+/// Filter of the audit's rows.
 #[derive(Debug, Clone, Default)]
 pub struct AuditFilter {
-    /// About one robot.
+    /// Robot of the rows.
     pub robot: Option<RobotId>,
-    /// By one actor.
+    /// Actor of the rows.
     pub actor: Option<String>,
-    /// Actions that begin so.
+    /// Prefix of the rows' actions.
     pub action: Option<String>,
-    /// From this wall time on, ns.
+    /// Earliest wall time of a row, ns.
     pub from_ns: Option<WallTime>,
-    /// Before this wall time, ns.
+    /// Wall time that the rows come before, ns.
     pub to_ns: Option<WallTime>,
-    /// Below this number.
+    /// Number that the rows come before.
     pub before: Option<i64>,
-    /// At most so many.
+    /// Largest number of rows.
     pub limit: u32,
 }
 
-/// A row of the audit.
+/// Row of the audit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct AuditRow {
-    /// Its number.
+    /// Number of the row.
     pub id: AuditId,
-    /// When, ns since 1970, wall time.
+    /// Time of the action, ns since 1970, wall time.
     pub at_ns: WallTime,
-    /// Who.
+    /// Name of the actor.
     pub actor: String,
-    /// How that is known.
+    /// Proof of the actor's identity.
     pub authentication: String,
-    /// What the actor might do.
+    /// Role of the actor.
     pub role: Option<String>,
-    /// The HTTP request's id.
+    /// Id of the HTTP request.
     pub request: Option<String>,
-    /// The address that it came from.
+    /// Client address of the HTTP request.
     pub address: Option<String>,
-    /// What was done.
+    /// Action on the record.
     pub action: String,
-    /// To what kind of record.
+    /// Kind of the record.
     pub subject: String,
-    /// To which one.
+    /// Number or name of the record.
     pub subject_id: String,
-    /// The robot it is about.
+    /// Robot of the record.
     pub robot: Option<String>,
-    /// The record before.
+    /// Record before the action.
     #[cfg_attr(feature = "openapi", schema(value_type = Option<Object>))]
     pub before: Option<serde_json::Value>,
-    /// The record after.
+    /// Record after the action.
     #[cfg_attr(feature = "openapi", schema(value_type = Option<Object>))]
     pub after: Option<serde_json::Value>,
-    /// Why.
+    /// Reason for the action.
     pub reason: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! Audit rows, as the store keeps them.
+//! Rows of the audit to be written.
 
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::audit::Action;
@@ -6,23 +6,23 @@ use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use serde_json::Value;
 
-/// One change, written in the change's own transaction.
+/// Row of the audit, written in the transaction of the change itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AuditEntry {
-    /// When, wall time.
+    /// Time of the action, wall time.
     pub at_ns: WallTime,
-    /// Who.
+    /// Actor of the action.
     pub actor: Actor,
-    /// What was done, which says to what kind of record.
+    /// Action, which determines the kind of the record.
     pub action: Action,
-    /// To which one.
+    /// Number or name of the record.
     pub subject_id: String,
-    /// The robot it is about.
+    /// Robot of the record.
     pub robot: Option<RobotId>,
-    /// The record before; `None` for a new one.
+    /// Record before; `None` for a new one.
     pub before: Option<Value>,
-    /// The record after; `None` for one that is gone.
+    /// Record after; `None` for a removed one.
     pub after: Option<Value>,
-    /// Why, in the actor's words.
+    /// Reason, in the actor's words.
     pub reason: Option<String>,
 }

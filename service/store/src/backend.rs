@@ -31,27 +31,27 @@ use super::webhooks::DueDelivery;
 pub use super::telemetry::{Aged, Batch, EventWrite, Repetition, TelemetryWriter};
 pub use super::transaction::RecordWriter;
 
-/// An open database. Whatever keeps others from it goes with this value.
+/// Open database, with the lock that keeps other processes away from it.
 pub trait Database: std::fmt::Debug + Send + Sync + 'static {
-    /// The newest migration that this program knows, or knows that it may use.
+    /// Newest migration that this program knows, or knows that it may use.
     fn schema_known(&self) -> i64;
 
-    /// Writes over a connection of its own, to find out whether the database takes writes at all.
+    /// Writes over a connection of its own, to test whether the database accepts writes.
     ///
     /// # Errors
     /// [`StoreError::Database`].
     fn write_once(&self) -> Pin<Box<dyn Future<Output = Result<(), StoreError>> + Send>>;
 
-    /// The rows by which several instances agree; `None` where one service has the database.
+    /// Registry of the cluster's instances; `None` if a single service has the database.
     fn registry(&self) -> Option<Arc<dyn ClusterRegistry>> {
         None
     }
 }
 
-/// How finely the history is kept.
+/// Resolution of a part of the history.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Tier {
-    /// Every second.
+    /// Seconds.
     Second,
     /// Roll-ups of a minute.
     Minute,
@@ -69,7 +69,7 @@ impl Tier {
         }
     }
 
-    /// The next coarser one.
+    /// Next coarser tier.
     pub const fn coarser(self) -> Option<Self> {
         match self {
             Self::Second => Some(Self::Minute),
@@ -79,7 +79,7 @@ impl Tier {
     }
 }
 
-/// One parameter over one stretch of time.
+/// Statistics of one parameter over a stretch of time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
     /// Mean value.
@@ -92,10 +92,10 @@ pub struct Cell {
     pub sigma: f64,
 }
 
-/// One stretch of a robot's history.
+/// Stretch of a robot's history.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stretch {
-    /// Its first second, message time.
+    /// First second, message time.
     pub t_s: i64,
     /// Seconds of data in it.
     pub count: u32,
@@ -103,64 +103,64 @@ pub struct Stretch {
     pub status: PackedStatus,
     /// Mean normalised innovation squared.
     pub nis: Option<f64>,
-    /// The parameters that were asked for, in that order.
+    /// Requested parameters, in the request's order.
     pub cells: Vec<Option<Cell>>,
 }
 
-/// The part of [`Reader`] that is about access.
+/// Reader of users, sessions and tokens, a part of [`Reader`].
 #[async_trait]
 pub trait AccountReader {
     /// Users after number `after`, at most `limit`.
     async fn users(&self, after: i64, limit: u32) -> Result<Vec<UserRecord>, StoreError>;
 
-    /// A user.
+    /// Reads one user.
     async fn user(&self, id: UserId) -> Result<Option<UserRecord>, StoreError>;
 
-    /// The user of a name, upper or lower case.
+    /// Finds the user of a name, upper or lower case.
     async fn user_named(&self, name: &str) -> Result<Option<UserRecord>, StoreError>;
 
     /// Tokens after number `after`, at most `limit`.
     async fn tokens(&self, after: i64, limit: u32) -> Result<Vec<TokenRecord>, StoreError>;
 
-    /// The token of a value.
+    /// Finds the token of a value.
     async fn token_of(&self, hash: SecretHash) -> Result<Option<TokenRecord>, StoreError>;
 
-    /// The session of a cookie.
+    /// Finds the session of a cookie.
     async fn session_of(&self, hash: SecretHash) -> Result<Option<SessionRecord>, StoreError>;
 
-    /// The code of a text by which the first administrator can be made.
+    /// Finds the set-up code of a text, with which the first administrator is created.
     async fn setup_code(&self, hash: SecretHash) -> Result<Option<SetupCode>, StoreError>;
 }
 
-/// Connections that only read.
+/// Connections for reading.
 #[async_trait]
 pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     /// Every robot, by id.
     async fn robots(&self) -> Result<Vec<RobotRecord>, StoreError>;
 
-    /// One robot.
+    /// Reads one robot.
     async fn robot(&self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError>;
 
     /// The latest stored estimate of every robot that has one.
     async fn current(&self) -> Result<Vec<CurrentRecord>, StoreError>;
 
-    /// The state of every estimator.
+    /// Checkpoints of all robots.
     async fn checkpoints(&self) -> Result<Vec<CheckpointRecord>, StoreError>;
 
-    /// The states of these robots' estimators, of those that have one.
+    /// Checkpoints of these robots; robots without one are absent.
     async fn checkpoints_of(&self, robots: &[RobotId])
     -> Result<Vec<CheckpointRecord>, StoreError>;
 
-    /// How well every robot follows its path.
+    /// Cross-track errors of every robot.
     async fn cross_tracks(&self) -> Result<Vec<CrossTrackRecord>, StoreError>;
 
     /// First and last second of message time that any robot has in a tier.
     async fn extent(&self, tier: Tier) -> Result<Option<(i64, i64)>, StoreError>;
 
-    /// A robot's last second of message time.
+    /// Last second of a robot's messages.
     async fn last_second(&self, id: &RobotId) -> Result<Option<i64>, StoreError>;
 
-    /// A robot's rows of a tier that begin in `from_s..to_s`, oldest first.
+    /// Rows of a robot and tier that begin in `from_s..to_s`, oldest first.
     async fn stretches(
         &self,
         id: &RobotId,
@@ -170,7 +170,7 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
         to_s: i64,
     ) -> Result<Vec<Stretch>, StoreError>;
 
-    /// A robot's events before number `before`, newest first, at most `limit`.
+    /// Events of a robot before number `before`, newest first, at most `limit`.
     async fn events(
         &self,
         id: &RobotId,
@@ -178,32 +178,32 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
         limit: u32,
     ) -> Result<Vec<EventRecord>, StoreError>;
 
-    /// The newest migration of the database.
+    /// Newest migration of the database.
     async fn schema_version(&self) -> Result<i64, StoreError>;
 
-    /// The life cycle's records of every robot that has any.
+    /// Records of the life cycle, of every robot that has any.
     async fn ledgers(&self) -> Result<Vec<RobotLedger>, StoreError>;
 
-    /// A signed document.
+    /// Reads a signed document.
     async fn envelope(
         &self,
         robot: &RobotId,
         generation: Generation,
     ) -> Result<Option<Envelope>, StoreError>;
 
-    /// What is to be sent, and was not.
+    /// Messages to robots that were not sent yet.
     async fn outbox(&self) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError>;
 
-    /// Proposals with what they propose, newest first.
+    /// Proposals with their revisions, newest first.
     async fn proposals(
         &self,
         filter: &ProposalFilter,
     ) -> Result<Vec<(Proposal, Revision)>, StoreError>;
 
-    /// One proposal with what it proposes.
+    /// Reads a proposal with its revision.
     async fn proposal(&self, id: ProposalId) -> Result<Option<(Proposal, Revision)>, StoreError>;
 
-    /// A robot's deployments before number `before`, newest first.
+    /// Deployments of a robot before number `before`, newest first.
     async fn deployments(
         &self,
         robot: &RobotId,
@@ -211,17 +211,17 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
         limit: u32,
     ) -> Result<Vec<Deployment>, StoreError>;
 
-    /// State of what was approved, by the proposal: that of its deployment, unless a return that
-    /// followed has undone it.
+    /// State of the calibrations that were approved, by proposal: the deployment's, unless a later
+    /// return has undone it.
     async fn followed(
         &self,
         proposals: &[ProposalId],
     ) -> Result<BTreeMap<ProposalId, DeploymentState>, StoreError>;
 
-    /// The deployment freeze.
+    /// Reads the deployment freeze.
     async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError>;
 
-    /// The policy that was set.
+    /// Reads the stored policy.
     async fn policy(&self) -> Result<StoredPolicy, StoreError>;
 
     /// Rows of the audit, newest first.
@@ -230,7 +230,7 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     /// Rows of the audit after number `after`, oldest first, at most `limit`.
     async fn audit_after(&self, after: AuditId, limit: u32) -> Result<Vec<AuditRow>, StoreError>;
 
-    /// Rows of the audit after number `after` that are notes about a robot, oldest first, at most `limit`.
+    /// Notes about a robot in the audit after number `after`, oldest first, at most `limit`.
     async fn notes_after(
         &self,
         robot: &RobotId,
@@ -238,22 +238,22 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
         limit: u32,
     ) -> Result<Vec<AuditRow>, StoreError>;
 
-    /// The number of the latest row of the audit; 0 while there is none.
+    /// Number of the latest row of the audit; 0 if there is none.
     async fn audit_last(&self) -> Result<AuditId, StoreError>;
 
-    /// Every alert that is not over.
+    /// Every alert that has not ended.
     async fn active_alerts(&self) -> Result<Vec<Alert>, StoreError>;
 
     /// Alerts, the most urgent first, the newest first among equals.
     async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<Alert>, StoreError>;
 
-    /// One alert with how it went, oldest change first.
+    /// Reads an alert with its changes, oldest first.
     async fn alert(&self, id: AlertId) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError>;
 
     /// Every webhook, oldest first.
     async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError>;
 
-    /// A webhook's deliveries before number `before`, newest first.
+    /// Deliveries of a webhook before number `before`, newest first.
     async fn deliveries(
         &self,
         webhook: WebhookId,
@@ -261,14 +261,14 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
         limit: u32,
     ) -> Result<Vec<Delivery>, StoreError>;
 
-    /// The oldest delivery of each webhook that is due.
+    /// Oldest due delivery of each webhook.
     async fn due_deliveries(&self, now: WallTime) -> Result<Vec<DueDelivery>, StoreError>;
 
-    /// How many deliveries wait.
+    /// Number of waiting deliveries.
     async fn waiting_deliveries(&self) -> Result<u64, StoreError>;
 
-    /// Whether what is acknowledged outlives the loss of the machine of the database, because it is
-    /// on a second one by then; `None` when this cannot be seen.
+    /// True if acknowledged writes survive the loss of the database's machine, as a second one has
+    /// them by then; `None` if this cannot be determined.
     async fn survives_machine_loss(&self) -> Result<Option<bool>, StoreError>;
 
     /// Closes the connections.

@@ -1,4 +1,4 @@
-//! The rows by which instances of a cluster agree who estimates which robot.
+//! Rows by which the instances of a cluster agree on which of them estimates which robot.
 
 use std::collections::BTreeMap;
 use std::sync::{PoisonError, RwLock};
@@ -11,191 +11,192 @@ use fleetcal_proto::RobotId;
 
 use crate::error::StoreError;
 
-/// What an instance says of itself when it joins.
+/// Properties of an instance that joins.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Joining {
-    /// Its name, which one process uses at a time.
+    /// Name, which one process uses at a time.
     pub instance: InstanceId,
-    /// Where others reach its HTTP API.
+    /// Address of its HTTP API for other instances.
     pub url: String,
-    /// Its weight against others.
+    /// Weight in the distribution of robots.
     pub capacity: u32,
     /// Version of its program.
     pub program: String,
-    /// The newest format of a checkpoint that it can read.
+    /// Newest format of a checkpoint that it can read.
     pub checkpoint_format: i64,
-    /// Hash of the part of its configuration in which instances have to agree.
+    /// Hash of the part of its configuration that all instances must share.
     pub config_sha256: Vec<u8>,
-    /// The public half of what it signs documents with, in which all instances have to agree.
+    /// Public half of the key that it signs documents with, which all instances must share.
     pub signing_key: String,
 }
 
-/// What an instance says of itself with each renewal.
+/// State of an instance at a renewal of its lease.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Renewal {
-    /// Whether it reaches a Zenoh router, and its clock is right enough.
+    /// True if it is connected to a Zenoh router, and its clock is accurate enough.
     pub linked: bool,
-    /// Whether it is about to end.
+    /// True if it is about to end.
     pub draining: bool,
-    /// How far its wall clock was ahead of the database's at the renewal before, ns.
+    /// Lead of its wall clock over the database's at the renewal before, ns.
     pub clock_ahead_ns: i64,
-    /// Instances and robots that it hears on Zenoh.
+    /// Instances and robots that it receives from on Zenoh.
     pub hearing: Hearing,
 }
 
-/// How far the rows have come that a look has read.
+/// Version of the rows that a look has read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub struct RowsVersion(pub i64);
 
-/// What a look at the rows has found.
+/// Result of a look at the rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Look {
-    /// How far they have come.
+    /// Version of the rows.
     pub version: RowsVersion,
-    /// What they say. Without robots and duties when these are still those of the version that the
-    /// caller knows.
+    /// Snapshot of the rows; without robots and duties if these have not changed since the version
+    /// that the caller has.
     pub snapshot: Snapshot,
-    /// Whether `snapshot` has robots and duties.
+    /// True if `snapshot` has robots and duties.
     pub is_whole: bool,
 }
 
-/// Whom an instance takes for dead.
+/// Instances to declare dead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TakeForDead<'a> {
-    /// Those whose lease has ended by the database's clock.
+    /// Instances whose lease has ended by the database's clock.
     LeaseEnded,
-    /// Of these, whose liveliness token is gone or whose heartbeats are missing, those whose
+    /// Given instances, each without a liveliness token or with missing heartbeats, whose
     /// connection to the database is gone as well.
     Gone(&'a [InstanceId]),
 }
 
-/// One of several things that a try to sign in counts as.
+/// Counter that an attempt to sign in is counted under.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Try {
-    /// Those of one key count together.
+    /// Key of the counter.
     pub key: String,
-    /// After so long one more is let through.
+    /// Time after which one more attempt is admitted.
     pub every: Duration,
-    /// So many are let through at once.
+    /// Attempts that are admitted at once.
     pub burst: u32,
 }
 
-/// Where the rows are. Each method is one transaction; what it changes, it changes only for a seat
-/// that is still that of its instance.
+/// Registry of a cluster's instances, robots and duties. Each method is one transaction, and
+/// changes rows only for a seat that is still its instance's.
 ///
 /// # Errors
-/// Every method gives [`StoreError::Database`] when the database fails.
+/// Every method returns [`StoreError::Database`] when the database fails.
 #[async_trait]
 pub trait ClusterRegistry: std::fmt::Debug + Send + Sync + 'static {
-    /// Begins a life of an instance, whose former lives end with it.
+    /// Begins a life of an instance, which ends its former ones.
     ///
     /// # Errors
-    /// [`StoreError::Server`] when another process uses the name, or when the cluster signs with
-    /// another key.
+    /// [`StoreError::Server`] if another process uses the name, or the cluster signs with another
+    /// key.
     async fn join(&self, joining: &Joining) -> Result<Seat, StoreError>;
 
-    /// Renews a lease; gives the database's time, or `None` when the seat was taken for dead.
+    /// Renews a lease; returns the database's time, or `None` if the seat was declared dead.
     async fn renew(&self, seat: &Seat, renewal: Renewal) -> Result<Option<WallTime>, StoreError>;
 
-    /// Reads instances, robots and duties; robots and duties only when they have changed since
+    /// Reads instances, robots and duties; robots and duties only if they have changed since
     /// `known`.
     async fn look(&self, known: Option<RowsVersion>) -> Result<Look, StoreError>;
 
-    /// Ends seats of others and frees what they had; gives those that were ended.
+    /// Ends seats of other instances and frees their robots and duties; returns the ended seats.
     async fn take_for_dead(
         &self,
         by: &Seat,
         which: TakeForDead<'_>,
     ) -> Result<Vec<Seat>, StoreError>;
 
-    /// Claims robots that nobody has; gives the tenures of those that it got.
+    /// Claims robots without an owner; returns the tenures that it got.
     async fn claim(
         &self,
         seat: &Seat,
         robots: &[(RobotId, ClaimId)],
     ) -> Result<Vec<Tenure>, StoreError>;
 
-    /// Names who is to have these own robots next; `None` names nobody.
+    /// Names the next owner of these own robots; `None` names nobody.
     async fn name_heirs(
         &self,
         seat: &Seat,
         robots: &[(RobotId, Option<Seat>)],
     ) -> Result<(), StoreError>;
 
-    /// Says that the seat, their heir, hears these robots.
+    /// Records that the seat, their heir, receives these robots' messages.
     async fn note_ready(&self, seat: &Seat, robots: &[RobotId]) -> Result<(), StoreError>;
 
-    /// Hands own robots over to their heirs, who are still theirs; gives those that went.
+    /// Hands own robots over to their heirs, if these have not changed; returns the robots that
+    /// went.
     async fn hand_over(
         &self,
         seat: &Seat,
         robots: &[(RobotId, Seat, ClaimId)],
     ) -> Result<Vec<RobotId>, StoreError>;
 
-    /// Gives up own robots.
+    /// Releases own robots.
     async fn free(&self, seat: &Seat, robots: &[RobotId]) -> Result<(), StoreError>;
 
-    /// Claims duties that nobody has; gives those that it got.
+    /// Claims duties without an owner; returns the duties that it got.
     async fn claim_duties(&self, seat: &Seat, duties: &[Duty]) -> Result<Vec<Duty>, StoreError>;
 
-    /// Gives up own duties.
+    /// Releases own duties.
     async fn free_duties(&self, seat: &Seat, duties: &[Duty]) -> Result<(), StoreError>;
 
-    /// Counts a try to sign in over all instances, as each of `tries` in this order until one of them
-    /// was too many; gives how long to wait then.
+    /// Counts an attempt to sign in over all instances, under each of `tries` in this order until
+    /// one is exhausted; returns the wait in that case.
     async fn count_tries(&self, tries: &[Try]) -> Result<Option<Duration>, StoreError>;
 
-    /// Forgets tries under these keys, since the last one was right, and remembers the pair of address
-    /// and name that it came with.
+    /// Resets the counters of these keys after a successful sign-in, and remembers its pair of
+    /// address and name.
     async fn signed_in(&self, pair: &str, tries: &[String]) -> Result<(), StoreError>;
 
-    /// Whether somebody has signed in at any instance with this pair of address and name, among the
-    /// latest [`SIGN_IN_KNOWN_MAX`](fleetcal_domain::limits::SIGN_IN_KNOWN_MAX) pairs.
+    /// True if a sign-in at any instance had this pair of address and name, among the latest
+    /// [`SIGN_IN_KNOWN_MAX`](fleetcal_domain::limits::SIGN_IN_KNOWN_MAX) pairs.
     async fn has_signed_in(&self, pair: &str) -> Result<bool, StoreError>;
 
-    /// Ends the seat and frees what it has.
+    /// Ends the seat and frees its robots and duties.
     async fn leave(&self, seat: &Seat) -> Result<(), StoreError>;
 }
 
-/// The robots that this process estimates, with what tells its tenures from others'. What it writes
-/// of a robot bears the tenure in which it was handed to the store.
+/// Tenures of the robots that this process estimates. A row of a robot carries the tenure in which
+/// it was queued.
 #[derive(Debug, Default)]
 pub struct Claims {
     of_robots: RwLock<Option<BTreeMap<RobotId, ClaimId>>>,
 }
 
-/// Under which tenure something is written.
+/// Tenure that a row is written under.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Claimed {
-    /// There is one instance, which has all robots.
+    /// No tenure, as a single service has all robots.
     Alone,
-    /// This one.
+    /// Tenure of this claim.
     Under(ClaimId),
-    /// None: the robot is another instance's.
+    /// No tenure, as the robot is another instance's.
     Not,
 }
 
 impl Claims {
-    /// From now on there are several instances, and this one has no robot yet.
+    /// Begins work as one of several instances, without a robot yet.
     pub fn begin_cluster(&self) {
         self.write().get_or_insert_default();
     }
 
-    /// Takes a tenure that began, or another one of the same robot.
+    /// Sets the tenure of a robot.
     pub fn set(&self, tenure: &Tenure) {
         let mut claims = self.write();
         let claims = claims.get_or_insert_default();
         claims.insert(tenure.robot.clone(), tenure.claim);
     }
 
-    /// Takes that a tenure has ended: what is handed over of the robot from now on is not written.
+    /// Removes an ended tenure: rows of the robot queued from now on are not written.
     pub fn remove(&self, robot: &RobotId) {
         if let Some(claims) = self.write().as_mut() {
             claims.remove(robot);
         }
     }
 
-    /// Under which tenure something of a robot is written that is handed over now.
+    /// Tenure of a robot's rows that are queued now.
     pub fn of(&self, robot: &RobotId) -> Claimed {
         let claims = self.of_robots.read();
         match &*claims.unwrap_or_else(PoisonError::into_inner) {

@@ -12,14 +12,14 @@ use crate::error::StoreError;
 /// of a database that another process holds.
 const BUCKETS_S: [f64; 10] = [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.5, 2.5, 10.0];
 
-/// What one path has done since it was started.
+/// Counters of one path since it was started.
 #[derive(Debug)]
 pub(crate) struct PathCounters {
-    /// How long its transactions took, whether they were committed or failed.
+    /// Durations of its transactions, committed and failed.
     pub(crate) durations: Histogram,
     pub(crate) commits: AtomicU64,
     pub(crate) failed_commits: AtomicU64,
-    /// Writes that its task has taken and not yet committed.
+    /// Writes that its task has received and not yet committed.
     pub(crate) pending: AtomicU64,
 }
 
@@ -35,7 +35,7 @@ impl Default for PathCounters {
 }
 
 impl PathCounters {
-    /// Takes how long a transaction took.
+    /// Counts the duration of a transaction.
     pub(crate) fn took(&self, duration: Duration) {
         self.durations.observe(duration.as_secs_f64());
     }
@@ -45,19 +45,19 @@ impl PathCounters {
         self.commits.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Counts a commit that failed, and logs why.
+    /// Counts and logs a failed commit.
     pub(crate) fn failed(&self, error: &StoreError) {
         self.failed_commits.fetch_add(1, Ordering::Relaxed);
         tracing::error!(%error, source = ?std::error::Error::source(error), "a commit failed");
     }
 }
 
-/// What telemetry has met besides.
+/// Counters of telemetry's rows.
 #[derive(Debug, Default)]
 pub(crate) struct TelemetryCounters {
     pub(crate) history_rows: AtomicU64,
     pub(crate) lost: AtomicU64,
-    /// Those of `lost` that were seconds of history.
+    /// Seconds of history among the lost rows.
     pub(crate) lost_history: AtomicU64,
     pub(crate) pruned_rows: AtomicU64,
     pub(crate) fenced: AtomicU64,
@@ -77,7 +77,7 @@ impl TelemetryCounters {
         self.fenced.fetch_add(rows, Ordering::Relaxed);
     }
 
-    /// Counts rows that are lost, and says so.
+    /// Counts and logs lost rows.
     pub(crate) fn lose(&self, lost: Lost) {
         if lost.rows == 0 {
             return;
@@ -89,12 +89,12 @@ impl TelemetryCounters {
     }
 }
 
-/// Everything that is counted.
+/// Counters of the store.
 #[derive(Debug, Default)]
 pub(crate) struct Counters {
     pub(crate) records: Arc<PathCounters>,
     pub(crate) telemetry: Arc<PathCounters>,
     pub(crate) rows: Arc<TelemetryCounters>,
-    /// Whether one of the paths does not get on although the database takes writes.
+    /// True if one of the paths does not progress although the database accepts writes.
     pub(crate) stuck: Arc<AtomicBool>,
 }

@@ -9,53 +9,53 @@ use serde::Deserialize;
 use thiserror::Error;
 use url::Url;
 
-/// The port of PostgreSQL where none is named.
+/// Default port of PostgreSQL.
 const PORT: u16 = 5_432;
 
-/// Hosts that a URL may name.
+/// Most hosts of a URL.
 pub const HOSTS_MAX: usize = 16;
 
-/// Where a database is, and how it is reached. It never holds a password.
+/// Address of a database, and its TLS. It never holds a password.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct PostgresUrl {
-    /// The role that signs in.
+    /// Role that signs in.
     pub user: String,
-    /// The database on the server.
+    /// Database on the server.
     pub database: String,
-    /// Where the server may be; the first that can be written is used.
+    /// Possible servers; the first writable one is used.
     pub servers: Vec<Server>,
-    /// How much is asked of TLS.
+    /// TLS required of the connection.
     pub tls: TlsMode,
-    /// The certificates that are trusted, PEM; those of the system without it.
+    /// Trusted certificates, PEM; the system's unless given.
     pub root_certificate: Option<PathBuf>,
-    /// The certificate that this client shows, PEM.
+    /// Certificate of this client, PEM.
     pub client_certificate: Option<PathBuf>,
-    /// Its key, PEM.
+    /// Key of that certificate, PEM.
     pub client_key: Option<PathBuf>,
 }
 
-/// Where one server is.
+/// Address of one server.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Server {
-    /// A host name or address, and a port.
+    /// Host name or address, and a port.
     Tcp {
-        /// The host.
+        /// Host of the server.
         host: String,
-        /// The port.
+        /// Port of the server.
         port: u16,
     },
-    /// A Unix socket in a folder.
+    /// Unix socket in a folder.
     Socket {
-        /// The folder.
+        /// Folder of the socket.
         folder: PathBuf,
-        /// The port, which is a part of the socket's name.
+        /// Port, which is a part of the socket's name.
         port: u16,
     },
 }
 
 impl Server {
-    /// Whether what is sent stays on this machine.
+    /// True if the connection stays on this machine.
     fn is_local(&self) -> bool {
         match self {
             Self::Socket { .. } => true,
@@ -79,18 +79,18 @@ impl fmt::Display for Server {
     }
 }
 
-/// How much is asked of TLS, as libpq names it.
+/// Required TLS, as libpq names it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TlsMode {
-    /// None.
+    /// No TLS.
     Disable,
-    /// Where the server offers it.
+    /// TLS if the server offers it.
     Prefer,
-    /// Always, with whatever certificate.
+    /// TLS with any certificate.
     Require,
-    /// With a certificate that is trusted, of whatever host.
+    /// TLS with a trusted certificate, of any host.
     VerifyCa,
-    /// With a certificate that is trusted and of this host.
+    /// TLS with a trusted certificate of this host.
     VerifyFull,
 }
 
@@ -107,40 +107,40 @@ impl TlsMode {
     }
 }
 
-/// A text is no URL of a database.
+/// Reason for which a text is no URL of a database.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum DatabaseUrlRefused {
-    /// It is no URL of PostgreSQL.
+    /// Text that is no URL of PostgreSQL.
     #[error(
         "got {got:?}, expected postgres://USER@HOST[:PORT][,HOST…]/DATABASE or \
          postgres://USER@/DATABASE?host=/FOLDER"
     )]
     Form {
-        /// The text, without what may be a password.
+        /// Given text, without any possible password.
         got: String,
     },
-    /// It holds a password.
+    /// URL with a password.
     #[error(
         "got a URL with a password, expected one without; put the password into a file \
          and name it with --database-password-file or PGPASSFILE"
     )]
     Password,
-    /// A parameter is unknown.
+    /// Unknown parameter.
     #[error("got the parameter {got:?}, expected sslmode, sslrootcert, sslcert, sslkey or host")]
     Parameter {
-        /// Its name.
+        /// Name of the parameter.
         got: String,
     },
-    /// The mode of TLS is unknown.
+    /// Unknown mode of TLS.
     #[error("got sslmode={got:?}, expected disable, prefer, require, verify-ca or verify-full")]
     Tls {
-        /// What was given.
+        /// Given mode.
         got: String,
     },
-    /// It names too many hosts.
+    /// Too many hosts.
     #[error("got {got} hosts, expected {HOSTS_MAX} at most")]
     Hosts {
-        /// How many.
+        /// Number of hosts.
         got: usize,
     },
 }
@@ -187,7 +187,7 @@ impl FromStr for PostgresUrl {
     }
 }
 
-/// A URL's user, hosts, and what follows them.
+/// User, hosts and rest of a URL.
 fn parts(text: &str) -> Result<(&str, &str, &str), DatabaseUrlRefused> {
     let scheme = ["postgres://", "postgresql://"];
     let after = scheme.iter().find_map(|scheme| text.strip_prefix(scheme));
@@ -204,7 +204,7 @@ fn parts(text: &str) -> Result<(&str, &str, &str), DatabaseUrlRefused> {
     Ok((user_info, hosts, rest))
 }
 
-/// The refusal of a text, of which only the scheme is repeated: it may hold a password.
+/// Refusal of a text, which repeats its scheme alone: it may hold a password.
 fn form(text: &str) -> DatabaseUrlRefused {
     let got = match text.split_once("://") {
         Some((scheme, _)) => format!("{scheme}://…"),
@@ -214,7 +214,7 @@ fn form(text: &str) -> DatabaseUrlRefused {
 }
 
 impl PostgresUrl {
-    /// What a URL with one host says; `on_socket` where its host counts for nothing.
+    /// Parses a URL with one host; `on_socket` if that host is a placeholder.
     fn of_one(url: &Url, on_socket: bool, text: &str) -> Result<Self, DatabaseUrlRefused> {
         let database = decoded(url.path().trim_start_matches('/'));
         if database.is_empty() || database.contains('/') {
@@ -262,7 +262,7 @@ impl PostgresUrl {
     }
 }
 
-/// The mode of TLS that a URL names.
+/// Mode of TLS in a URL.
 fn tls_named(text: &str) -> Result<Option<TlsMode>, DatabaseUrlRefused> {
     let query = text.split_once('?').map_or("", |(_, query)| query);
     let mut pairs = url::form_urlencoded::parse(query.as_bytes());
@@ -275,7 +275,7 @@ fn tls_named(text: &str) -> Result<Option<TlsMode>, DatabaseUrlRefused> {
     TlsMode::parse(&mode).map(Some).ok_or_else(refused)
 }
 
-/// Text out of a part of a URL.
+/// Decodes a part of a URL.
 fn decoded(part: &str) -> String {
     let form = part.replace('+', "%2B");
     let mut pairs = url::form_urlencoded::parse(form.as_bytes());

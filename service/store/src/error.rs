@@ -12,172 +12,172 @@ use fleetcal_model::Version;
 use fleetcal_proto::RobotId;
 use thiserror::Error;
 
-/// What a database driver said. Shared, because one failed commit is told to many callers.
+/// Error of a database driver, shared because a failed commit is reported to many callers.
 pub type DriverError = Arc<dyn std::error::Error + Send + Sync>;
 
-/// Why the store could not do what it was asked.
+/// Reason for which a request to the store failed.
 #[derive(Debug, Clone, Error)]
 pub enum StoreError {
-    /// The folder of the data cannot be made or used.
+    /// Data folder that cannot be created or used.
     #[error("the data folder {path} cannot be used")]
     Folder {
-        /// The folder.
+        /// Path of the folder.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         #[source]
         source: Arc<std::io::Error>,
     },
-    /// Another process has the folder.
+    /// Data folder in use by another process.
     #[error(
         "the data folder {path} is in use by another fleetcal; stop that one or give another \
          folder with --data"
     )]
     InUse {
-        /// The folder.
+        /// Path of the folder.
         path: PathBuf,
     },
-    /// The database was written by a newer fleetcal.
+    /// Database of a newer fleetcal.
     #[error(
         "the database {path} has schema {found}, this fleetcal knows schemas up to {known}; \
          run a newer fleetcal"
     )]
     NewerSchema {
-        /// The database file.
+        /// Path of the database.
         path: PathBuf,
-        /// The newest migration in the database.
+        /// Newest migration in the database.
         found: i64,
-        /// The newest migration in this program.
+        /// Newest migration in this program.
         known: i64,
     },
-    /// The server of the database cannot be used.
+    /// Database server that cannot be used.
     #[error("the database {database} {reason}")]
     Server {
-        /// Where it is, without a password.
+        /// Address of the database, without a password.
         database: String,
-        /// What is wrong with it, a clause.
+        /// Problem of the server, a clause.
         reason: String,
     },
-    /// The running service keeps the database at another schema.
+    /// Schema of the running service that differs from this program's.
     #[error(
         "the running service keeps schema {found}, this fleetcal knows {known}; use the fleetcal \
          of the service"
     )]
     OtherSchema {
-        /// The newest migration in the database.
+        /// Newest migration in the database.
         found: i64,
-        /// The newest migration in this program.
+        /// Newest migration in this program.
         known: i64,
     },
-    /// There is no database.
+    /// Missing database.
     #[error("there is no database at {path}; `fleetcal serve` makes one")]
     Missing {
-        /// Where one was looked for.
+        /// Path at which it was expected.
         path: PathBuf,
     },
-    /// A part of the data is not there any more.
+    /// Missing part of the data.
     #[error("{} is gone, though {} is there; {remedy}", file.display(), left.display())]
     Gone {
-        /// What is not there.
+        /// Missing file.
         file: PathBuf,
-        /// What shows that it was.
+        /// Present file that proves its former existence.
         left: PathBuf,
-        /// What to do.
+        /// Remedy for the operator.
         remedy: &'static str,
     },
-    /// A backup could not be written.
+    /// Backup that cannot be written.
     #[error("the backup {path} cannot be written")]
     Backup {
-        /// The file.
+        /// Path of the backup.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         #[source]
         source: Arc<std::io::Error>,
     },
-    /// A backup was not restored; nothing was changed.
+    /// Refused restoration of a backup; nothing was changed.
     #[error("{} {reason}", path.display())]
     Restore {
-        /// The file that stands against it.
+        /// File that prevents it.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Problem of the file.
         reason: String,
     },
-    /// The database could not be brought to this program's schema.
+    /// Failed migration to this program's schema.
     #[error("the database could not be brought to the schema of this fleetcal")]
     Migration(#[source] DriverError),
-    /// The database failed.
+    /// Failure of the database.
     #[error("the database could not {task}")]
     Database {
-        /// What it was doing, an infinitive.
+        /// Failed task, an infinitive.
         task: &'static str,
-        /// What the driver said.
+        /// Error of the driver.
         #[source]
         source: DriverError,
     },
-    /// The database failed while it committed.
-    #[error("the database could not commit what was written; it may or may not have kept it")]
+    /// Failure of a commit, whose outcome is unknown.
+    #[error("the commit failed; the database may or may not have stored it")]
     Commit(#[source] DriverError),
-    /// Another instance estimates the robot by now.
+    /// Robot that another instance estimates by now.
     #[error("robot {0} is estimated by another instance by now")]
     Fenced(RobotId),
-    /// The store ended with rows that could not be written.
+    /// Rows that were not written before the store ended.
     #[error("{rows} rows that were not written yet are lost")]
     RowsLost {
-        /// How many.
+        /// Number of the rows.
         rows: u64,
-        /// Why they were not written; `None` when the last write did not end in time.
+        /// Error of the last write; `None` if it did not end in time.
         #[source]
         source: Option<Box<Self>>,
     },
-    /// A row holds what this program never writes.
+    /// Row that this program never writes.
     #[error("the database holds a {table} that cannot be read: {reason}")]
     Corrupt {
-        /// The table.
+        /// Table of the row.
         table: &'static str,
-        /// What is wrong with the row.
+        /// Problem of the row.
         reason: String,
     },
-    /// The writer has too much waiting.
+    /// Full queue of the writer.
     #[error("{waiting} writes already wait for the database")]
     QueueFull {
-        /// How many wait.
+        /// Number of waiting writes.
         waiting: usize,
     },
-    /// The writer was busy for too long.
+    /// Write that waited too long for the busy writer.
     #[error(
         "the database did not take the write within {} s; nothing was changed",
         limits::STORE_ANSWER_WITHIN.as_secs()
     )]
     Late,
-    /// The store has been closed.
+    /// Closed store.
     #[error("the store is closed")]
     Closed,
-    /// The robot's configuration is no longer the one that the caller saw.
+    /// Version conflict: the robot's configuration has changed since the caller read it.
     #[error("robot {robot} is at version {found}")]
     VersionConflict {
-        /// Whose configuration.
+        /// Robot of the configuration.
         robot: RobotId,
-        /// Its version now; 0 while it has none.
+        /// Present version; 0 before the first configuration.
         found: Version,
     },
-    /// A user, session or token was not changed.
+    /// Refused change of a user, session or token.
     #[error(transparent)]
     Account(#[from] AccountRefused),
-    /// A decision does not fit the records.
+    /// Refused command on the life cycle's records.
     #[error(transparent)]
     Refused(#[from] Refused),
-    /// An acknowledgement does not fit the alert.
+    /// Refused acknowledgement of an alert.
     #[error(transparent)]
     Alert(#[from] AlertRefused),
-    /// A webhook cannot be made, or is not there.
+    /// Refused webhook, or an unknown one.
     #[error(transparent)]
     Webhook(#[from] WebhookRefused),
-    /// An `Idempotency-Key` came again with another request.
+    /// Repeated `Idempotency-Key` with another request.
     #[error("the Idempotency-Key was used before with another request")]
     KeyReused,
 }
 
 impl StoreError {
-    /// Whether this answers whoever asked, and is no failure of the database.
+    /// True if this is an answer to the caller, and no failure of the database.
     pub const fn is_refusal(&self) -> bool {
         matches!(
             self,
@@ -192,7 +192,7 @@ impl StoreError {
         )
     }
 
-    /// A driver's error with what was being done, an infinitive.
+    /// Makes an error of a driver, with the failed task as an infinitive.
     pub fn database<E>(task: &'static str) -> impl FnOnce(E) -> Self
     where
         E: std::error::Error + Send + Sync + 'static,

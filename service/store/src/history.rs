@@ -1,4 +1,4 @@
-//! A robot's history at the resolution that was asked for, keeping extremes.
+//! History of a robot at the requested resolution, with its extremes.
 
 use std::f64::consts::TAU;
 
@@ -9,22 +9,22 @@ use fleetcal_proto::RobotId;
 use super::backend::{Cell, Reader, Stretch, Tier};
 use super::error::StoreError;
 
-/// What to read.
+/// Query of a robot's history.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HistoryQuery {
-    /// Whose history.
+    /// Robot of the history.
     pub robot: RobotId,
-    /// Which parameters.
+    /// Requested parameters.
     pub parameters: Vec<Parameter>,
     /// First second, message time.
     pub from_s: i64,
-    /// The second after the last one, message time.
+    /// Second after the last one, message time.
     pub to_s: i64,
-    /// At most this many stretches.
+    /// Largest number of stretches.
     pub points_max: u32,
 }
 
-/// What was read.
+/// Result of a query.
 #[derive(Debug, Clone, PartialEq)]
 pub struct History {
     /// Length of each stretch, s.
@@ -33,8 +33,8 @@ pub struct History {
     pub stretches: Vec<Stretch>,
 }
 
-/// Reads a robot's history out of the finest tier that a span of this length can be read from,
-/// with what that tier no longer has out of the coarser ones.
+/// Reads a robot's history from the finest tier that a span of this length can be read from, and
+/// the part that this tier no longer has from the coarser ones.
 pub(super) async fn read(reader: &dyn Reader, query: &HistoryQuery) -> Result<History, StoreError> {
     let mut stretches = Vec::new();
     let mut coarsest = None;
@@ -74,7 +74,7 @@ pub(super) async fn read(reader: &dyn Reader, query: &HistoryQuery) -> Result<Hi
     })
 }
 
-/// The finest tier of which a span can be read without reading too many rows.
+/// Finest tier from which a span can be read without too many rows.
 fn finest_tier(span_s: i64) -> Tier {
     let readable = |tier: Tier| span_s / tier.seconds() <= limits::HISTORY_ROWS_MAX;
     [Tier::Second, Tier::Minute]
@@ -83,10 +83,10 @@ fn finest_tier(span_s: i64) -> Tier {
         .unwrap_or(Tier::Hour)
 }
 
-/// Length of a stretch: a whole number of rows, so that the span has at most `points_max`.
+/// Length of a stretch, s: a whole number of rows, such that the span has at most `points_max`.
 ///
-/// Buckets begin at multiples of their length since the Unix epoch, so that they stay where they
-/// are when a chart moves on; hence one bucket more may touch the span.
+/// Buckets begin at multiples of their length since the Unix epoch, so that they are stable while a
+/// chart advances; hence the span may touch one more bucket.
 fn bucket(query: &HistoryQuery, tier: Tier) -> i64 {
     let length_s = tier.seconds();
     let span_s = (query.to_s - query.from_s).max(1);
@@ -116,7 +116,7 @@ fn merge_buckets(rows: &[Stretch], bucket_s: i64, headings: &[bool]) -> Vec<Stre
     merged
 }
 
-/// Merges a row into an earlier one: means weighted by their seconds, extremes kept.
+/// Merges a row into an earlier one: means are weighted by their seconds, extremes are kept.
 fn merge(into: &mut Stretch, row: &Stretch, headings: &[bool]) {
     let weight = f64::from(row.count) / f64::from((into.count + row.count).max(1));
     into.count += row.count;
@@ -143,8 +143,8 @@ fn merge_cell(old: Cell, new: Cell, weight: f64, heading: bool) -> Cell {
     }
 }
 
-/// Turns headings by whole turns so that each lies within half a turn of the one before: a LiDAR
-/// that looks backwards is drawn as one line.
+/// Unwraps headings by whole turns so that each lies within half a turn of the one before: the
+/// heading of a LiDAR that looks backwards is drawn as one line.
 fn unwind(stretches: &mut [Stretch], headings: &[bool]) {
     for (index, _) in headings.iter().enumerate().filter(|(_, heading)| **heading) {
         let mut before: Option<f64> = None;
@@ -160,7 +160,7 @@ fn unwind(stretches: &mut [Stretch], headings: &[bool]) {
     }
 }
 
-/// The same heading within half a turn of `mean_rad`.
+/// Same heading within half a turn of `mean_rad`.
 fn near(cell: Cell, mean_rad: f64) -> Cell {
     let turn = TAU * ((cell.mean - mean_rad) / TAU).round();
     Cell {

@@ -1,4 +1,4 @@
-//! Journal of the fleet: records handed over to be kept.
+//! Journal of the fleet: records handed over for storage.
 
 use std::sync::Arc;
 
@@ -43,7 +43,7 @@ impl Journal for Store {
 }
 
 impl NewEvent {
-    /// What the fleet says happened, learnt at `received_ns` (wall time).
+    /// Makes the stored form of an event that the service received at `received_ns` (wall time).
     pub fn of(robot: &RobotId, event: &HistoryEvent, received_ns: WallTime) -> Self {
         let empty = Self {
             robot: robot.clone(),
@@ -78,7 +78,7 @@ impl NewEvent {
 }
 
 impl NewEvent {
-    /// The same, noted by a person or a tool of the site.
+    /// Same event as a note by a person or a tool of the site.
     #[must_use]
     pub fn noted_by(self, author: String) -> Self {
         Self {
@@ -93,7 +93,7 @@ fn words(note: &str) -> Option<String> {
     (!note.is_empty()).then(|| note.to_owned())
 }
 
-/// The parts of a change that have no column of their own.
+/// Parts of a change without a column of their own.
 fn details_of_change(change: &ChangeDocument) -> serde_json::Value {
     serde_json::json!({
         "cause": change.cause,
@@ -103,7 +103,7 @@ fn details_of_change(change: &ChangeDocument) -> serde_json::Value {
     })
 }
 
-/// The kind under which a person's or robot's note is kept.
+/// Kind that a person's or robot's note is stored under.
 pub const fn kind_of_note(kind: NoteKind) -> EventKind {
     match kind {
         NoteKind::Reassembled => EventKind::Reassembled,

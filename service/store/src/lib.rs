@@ -1,9 +1,9 @@
 //! Store of all that outlives the service: robots, their history, events and estimators' states.
 //!
-//! Two paths lead to the database. *Records* are changed by a [`Job`], which whoever asked waits
-//! for: [`Store::transact`]. *Telemetry* is gathered and written in batches, and nobody waits for
-//! it. A few connections read. What a database has to do is said by the traits in [`backend`] and
-//! [`transaction`]; nothing here decides.
+//! Two paths lead to the database. *Records* are changed by a [`Job`], for which its caller waits:
+//! [`Store::transact`]. *Telemetry* is gathered and written in batches without a caller that waits.
+//! A few connections read. The traits in [`backend`] and [`transaction`] define the database's
+//! part; no decision is made here.
 
 mod accounts;
 mod administration;
@@ -63,10 +63,10 @@ use prometheus_client::metrics::histogram::Histogram;
 use telemetry::{Offered, Part, Telemetry, TelemetryTask};
 use transaction::{Asked, JobsTask, Waiting};
 
-/// A future that is compiled in this crate, and not in each that awaits it.
+/// Future that is compiled in this crate, and not in each that awaits it.
 pub type Boxed<'a, T> = std::pin::Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
-/// What the store has done since it was opened.
+/// Counters of the store since it was opened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct StoreCounters {
     /// Transactions committed.
@@ -75,21 +75,21 @@ pub struct StoreCounters {
     pub failed_commits: u64,
     /// Seconds of history written.
     pub history_rows: u64,
-    /// Rows that were not taken because too many were waiting.
+    /// Rows that were refused because too many were waiting.
     pub refused: u64,
-    /// Rows that were taken and lost because the database failed.
+    /// Rows that were queued and lost because the database failed.
     pub lost: u64,
-    /// Seconds of history among them.
+    /// Seconds of history among the lost rows.
     pub lost_history: u64,
     /// Rows deleted because of their age.
     pub pruned_rows: u64,
     /// Rows that were not written because another instance has their robots by now.
     pub fenced: u64,
-    /// Writes that wait in memory now, those of the commit under way included.
+    /// Writes in memory now, those of the commit under way included.
     pub waiting: u64,
 }
 
-/// The store. Cheap to clone; the database is closed by [`Store::close`].
+/// Store, cheap to clone; [`Store::close`] closes the database.
 #[derive(Debug, Clone)]
 pub struct Store {
     shared: Arc<Shared>,
@@ -105,12 +105,12 @@ struct Shared {
     refused: AtomicU64,
     claims: Claims,
     part: Arc<Part>,
-    /// Held as long as the store.
+    /// Database, held as long as the store.
     database: Arc<dyn Database>,
 }
 
 impl Store {
-    /// Starts the store's two tasks upon an open database.
+    /// Starts the store's two tasks on an open database.
     pub fn start(
         records: impl RecordWriter,
         telemetry: impl TelemetryWriter,
@@ -176,9 +176,9 @@ impl Store {
     /// their arrival; each is done wholly or not at all.
     ///
     /// # Errors
-    /// The job's refusal; [`StoreError::Late`] when its turn came too late, [`StoreError::QueueFull`]
-    /// when too many wait; otherwise the database's failure. Nothing has changed then, unless the
-    /// failure was that of a commit whose end is unknown.
+    /// The job's refusal; [`StoreError::Late`] if its turn came too late, [`StoreError::QueueFull`]
+    /// if too many wait; otherwise the database's failure. Nothing has changed then, except perhaps
+    /// after a failed commit, whose outcome is unknown.
     pub fn transact<J: Job>(&self, job: J) -> Boxed<'_, Result<J::Done, StoreError>> {
         let (job, ended) = Waiting::new(job);
         Box::pin(async move {
@@ -187,19 +187,19 @@ impl Store {
         })
     }
 
-    /// The service's wall time.
+    /// Wall time of the service.
     pub fn now(&self) -> WallTime {
         self.shared.clock.now()
     }
 
-    /// Keeps an estimate that was received at `received_ns` (wall time): one second of history,
-    /// and the robot's latest estimate. Never waits; what cannot be queued is counted.
+    /// Stores an estimate that was received at `received_ns` (wall time) as one second of history,
+    /// and as the robot's latest estimate. Never waits; counts an estimate that cannot be queued.
     pub fn record_history(&self, estimate: &EstimateDocument, received_ns: WallTime) {
         self.offer(Telemetry::History(Box::new(estimate.clone()), received_ns));
     }
 
-    /// Keeps the state from which a robot's task goes on, of message time `stamp_ns`, in the fleet's
-    /// format. It replaces the robot's earlier one. Never waits; what cannot be queued is counted.
+    /// Stores a robot's checkpoint of message time `stamp_ns`, in the fleet's format, in place of
+    /// its earlier one. Never waits; counts a checkpoint that cannot be queued.
     pub fn save_checkpoint(&self, robot: &RobotId, stamp_ns: RobotTime, state: Vec<u8>) {
         let received_ns = self.shared.clock.now();
         let robot = robot.clone();
@@ -211,12 +211,12 @@ impl Store {
         }));
     }
 
-    /// Keeps an event. Never waits; what cannot be queued is counted.
+    /// Stores an event. Never waits; counts an event that cannot be queued.
     fn offer_event(&self, event: NewEvent, repetition: Repetition) {
         self.offer(Telemetry::Event(Box::new(EventWrite { event, repetition })));
     }
 
-    /// Waits until everything that was handed over before is committed.
+    /// Waits until every write handed over before is committed.
     ///
     /// # Errors
     /// The database's failure.
@@ -231,7 +231,7 @@ impl Store {
         ended.await.map_err(|_| StoreError::Closed)?
     }
 
-    /// Writes to the database, to find out whether that works.
+    /// Tests the database with a write.
     ///
     /// # Errors
     /// The database's failure.
@@ -240,11 +240,11 @@ impl Store {
         self.transact(Prove { now }).await
     }
 
-    /// Commits what was handed over before and closes the database. Later calls fail with
+    /// Commits the writes handed over before and closes the database. Later calls fail with
     /// [`StoreError::Closed`].
     ///
     /// # Errors
-    /// [`StoreError::RowsLost`] when not everything could be written, or the database's failure.
+    /// [`StoreError::RowsLost`] if a row could not be written, or the database's failure.
     pub async fn close(&self) -> Result<(), StoreError> {
         // Readers first: the last connection folds the log into the database.
         self.shared.reader.close().await;
@@ -268,7 +268,7 @@ impl Store {
         self.shared.reader.robots().await
     }
 
-    /// One robot; `None` when the store has never heard of it.
+    /// Reads one robot; `None` if the store has no record of it.
     ///
     /// # Errors
     /// The database's failure.
@@ -285,7 +285,7 @@ impl Store {
         self.shared.reader.current().await
     }
 
-    /// The state of every estimator.
+    /// Checkpoints of all robots.
     ///
     /// # Errors
     /// The database's failure.
@@ -293,7 +293,7 @@ impl Store {
         self.shared.reader.checkpoints().await
     }
 
-    /// How well every robot follows its path, by generation.
+    /// Cross-track errors of every robot, by generation.
     ///
     /// # Errors
     /// The database's failure.
@@ -301,7 +301,7 @@ impl Store {
         self.shared.reader.cross_tracks().await
     }
 
-    /// A robot's history at the finest resolution that fits into `points_max` stretches.
+    /// History of a robot at the finest resolution that fits into `points_max` stretches.
     ///
     /// # Errors
     /// The database's failure.
@@ -309,7 +309,7 @@ impl Store {
         history::read(self.shared.reader.as_ref(), query).await
     }
 
-    /// The last second of message time that a robot's latest stored estimate is about.
+    /// Last second of message time of a robot's latest stored estimate.
     ///
     /// # Errors
     /// The database's failure.
@@ -317,7 +317,7 @@ impl Store {
         self.shared.reader.last_second(robot).await
     }
 
-    /// A robot's events before number `before`, newest first, at most `limit`.
+    /// Events of a robot before number `before`, newest first, at most `limit`.
     ///
     /// # Errors
     /// The database's failure.
@@ -330,7 +330,7 @@ impl Store {
         self.shared.reader.events(robot, before, limit).await
     }
 
-    /// The newest migration of the database and the newest one that this program knows.
+    /// Newest migration of the database, and newest one that this program knows.
     ///
     /// # Errors
     /// The database's failure.
@@ -341,8 +341,8 @@ impl Store {
         ))
     }
 
-    /// Whether what is acknowledged outlives the loss of the machine of the database; `None` when
-    /// this cannot be seen.
+    /// True if acknowledged writes survive the loss of the database's machine; `None` if this
+    /// cannot be determined.
     ///
     /// # Errors
     /// The database's failure.
@@ -350,7 +350,7 @@ impl Store {
         self.shared.reader.survives_machine_loss().await
     }
 
-    /// What the store has done since it was opened.
+    /// Counters of the store since it was opened.
     pub fn counters(&self) -> StoreCounters {
         let load = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         let Counters {
@@ -375,7 +375,7 @@ impl Store {
         }
     }
 
-    /// How long transactions took since it was opened, by the path that they came on.
+    /// Durations of transactions since it was opened, by path.
     pub fn transaction_durations(&self) -> [(&'static str, Histogram); 2] {
         let counters = &self.shared.counters;
         [
@@ -384,25 +384,25 @@ impl Store {
         ]
     }
 
-    /// Whether one of the tasks has not written for [`limits::STORE_STUCK_AFTER`] although the
-    /// database takes writes: then only a restart of the process helps.
+    /// True if one of the tasks has not written for [`limits::STORE_STUCK_AFTER`] although the
+    /// database accepts writes: then only a restart of the process helps.
     pub fn is_stuck(&self) -> bool {
         self.shared.counters.stuck.load(Ordering::Relaxed)
     }
 
-    /// Jobs that were not begun yet.
+    /// Jobs that are queued and not begun.
     fn queued_jobs(&self) -> usize {
         let jobs = &self.shared.jobs;
         jobs.max_capacity() - jobs.capacity()
     }
 
-    /// Telemetry that its task has not taken yet.
+    /// Telemetry that is queued and not received by its task.
     fn queued_telemetry(&self) -> usize {
         let telemetry = &self.shared.telemetry;
         telemetry.max_capacity() - telemetry.capacity()
     }
 
-    /// Queues what nobody waits for, with the tenure in which it is handed over.
+    /// Queues telemetry with the present tenure of its robot.
     fn offer(&self, telemetry: Telemetry) {
         let robot = telemetry.robot();
         let claimed = robot.map_or(Claimed::Alone, |robot| self.shared.claims.of(robot));
@@ -421,7 +421,7 @@ impl Store {
         }
     }
 
-    /// Queues what somebody waits for.
+    /// Queues a request of a caller that waits.
     async fn ask(&self, asked: Asked) -> Result<(), StoreError> {
         let place = self.shared.jobs.reserve();
         let place = tokio::time::timeout(limits::STORE_READ_TIMEOUT, place).await;
@@ -433,7 +433,7 @@ impl Store {
     }
 }
 
-/// Writes, to find out whether that works.
+/// Test write.
 #[derive(Debug)]
 struct Prove {
     now: WallTime,

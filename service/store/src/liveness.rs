@@ -1,5 +1,6 @@
-//! Liveness of the tasks that write. A database that takes no writes is not their fault and mends
-//! without a restart; a task that does not write although the database would take it is stuck.
+//! Liveness of the tasks that write. A database that accepts no writes is not their fault and
+//! recovers without a restart; a task that does not write although the database accepts writes is
+//! stuck.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,7 +13,7 @@ use tokio::time::{Instant, MissedTickBehavior};
 use super::counters::PathCounters;
 use super::error::StoreError;
 
-/// A task that writes, as it is seen from outside.
+/// Task that writes, as seen from outside.
 #[derive(Debug)]
 pub(super) struct Watched<T> {
     counters: Arc<PathCounters>,
@@ -29,7 +30,7 @@ impl<T> Watched<T> {
         }
     }
 
-    /// Whether the task has committed since the last look, or nothing waits for it.
+    /// True if the task has committed since the last look, or has no work.
     fn is_well(&mut self) -> bool {
         let commits = self.counters.commits.load(Ordering::Relaxed);
         let queue = self.queue.upgrade();
@@ -41,15 +42,15 @@ impl<T> Watched<T> {
     }
 }
 
-/// Looks at the tasks that write until they end.
+/// Liveness of the tasks that write, checked until they end.
 #[derive(Debug)]
 pub(super) struct Liveness<J, T> {
     records: Watched<J>,
     telemetry: Watched<T>,
     stuck: Arc<AtomicBool>,
-    /// Since when fresh connections have written while a task has not.
+    /// Begin of the time in which new connections have written while a task has not.
     overtaken_since: Option<Instant>,
-    /// A fresh connection's write that has not ended yet: one that hangs is not followed by others.
+    /// Write over a new connection that has not ended yet: no other one follows a write that hangs.
     fresh: Option<JoinHandle<Result<(), StoreError>>>,
 }
 
@@ -64,7 +65,7 @@ impl<J, T> Liveness<J, T> {
         }
     }
 
-    /// Looks every [`limits::STORE_LOOK_EVERY`] until both tasks end; `fresh` writes over a
+    /// Checks every [`limits::STORE_LOOK_EVERY`] until both tasks end; `fresh` writes over a
     /// connection of its own.
     pub(super) async fn watch<F>(mut self, mut tasks: JoinSet<()>, fresh: impl Fn() -> F + Send)
     where
@@ -89,7 +90,7 @@ impl<J, T> Liveness<J, T> {
         }
     }
 
-    /// Looks at both tasks at `now`.
+    /// Checks both tasks at `now`.
     async fn look<F>(&mut self, now: Instant, fresh: &(impl Fn() -> F + Send))
     where
         F: Future<Output = Result<(), StoreError>> + Send + 'static,
@@ -117,7 +118,7 @@ impl<J, T> Liveness<J, T> {
             let for_s = overtaken_for.as_secs();
             tracing::error!(
                 for_s,
-                "the writer does not write, though the database takes writes"
+                "the writer does not write, though the database accepts writes"
             );
         }
     }
@@ -127,8 +128,8 @@ impl<J, T> Liveness<J, T> {
 mod tests {
     use super::*;
 
-    /// A task that has one row in memory and writes or does not, beside one that has nothing to do
-    /// and a database that takes writes or does not. Its time is the test's.
+    /// Bench of a task that has one row in memory and writes or does not, beside an idle one and a
+    /// database that accepts writes or does not. The test controls its time.
     struct Bench {
         liveness: Liveness<(), ()>,
         counters: Arc<PathCounters>,

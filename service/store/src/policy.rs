@@ -1,20 +1,20 @@
-//! The approval policy as it was set over the API.
+//! Approval policy that was set over the API.
 
 use fleetcal_domain::approval::Policy;
 use fleetcal_model::{Version, WallTime};
 use serde::Serialize;
 
-/// The policy that was set, and by whom.
+/// Stored policy and its last change.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StoredPolicy {
-    /// Goes up with every change of it.
+    /// Version, incremented with every change.
     pub version: Version,
-    /// The policy; `None` when what the configuration file says counts.
+    /// Policy; `None` if the configuration file's is in force.
     pub policy: Option<Policy>,
-    /// Who changed it last.
+    /// Person or tool that changed it last.
     pub by: Option<String>,
-    /// When, ns since 1970, wall time.
+    /// Time of the change, ns since 1970, wall time.
     pub at_ns: Option<WallTime>,
-    /// Why.
+    /// Reason for the change.
     pub reason: Option<String>,
 }

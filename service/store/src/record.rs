@@ -11,39 +11,39 @@ use fleetcal_proto::estimate::EstimateDocument;
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
-/// Parameters of a row.
+/// Number of parameters of a row.
 pub const PARAMETERS: usize = Parameter::ALL.len();
 
-/// One robot as the store knows it.
+/// Record of one robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobotRecord {
-    /// Its id.
+    /// Id of the robot.
     pub id: RobotId,
-    /// Its configuration; `None` while nobody has described it.
+    /// Configuration of the robot; `None` before the first one.
     pub config: Option<RobotConfig>,
-    /// Goes up by one with every change of `config`; 0 while there is none.
+    /// Version, incremented with every change of `config`; 0 before the first one.
     pub version: Version,
-    /// The person or tool that gave the drawing in `config`; `None` where the configuration file did.
+    /// Person or tool that gave the drawing in `config`; `None` if the configuration file did.
     pub drawn_by: Option<String>,
-    /// When the store first heard of it, wall time.
+    /// Time of the record's creation, wall time.
     pub created_ns: WallTime,
-    /// When `config` last changed, wall time.
+    /// Time of the last change of `config`, wall time.
     pub updated_ns: WallTime,
 }
 
-/// Which version of a robot's configuration a writer has seen.
+/// Version of a robot's configuration that a writer expects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Expected {
-    /// Whatever is there is overwritten.
+    /// Any version, or none.
     Any,
-    /// There is no configuration yet.
+    /// No configuration yet.
     Absent,
     /// This version.
     Version(Version),
 }
 
 impl Expected {
-    /// Whether a configuration at `version` (0: none) is what was expected.
+    /// True if a configuration at `version` (0: none) is expected.
     pub fn accepts(self, version: Version) -> bool {
         match self {
             Self::Any => true,
@@ -53,43 +53,43 @@ impl Expected {
     }
 }
 
-/// The state from which a robot's task goes on after a restart.
+/// Checkpoint, from which a robot's task continues after a restart.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CheckpointRecord {
-    /// Whose.
+    /// Robot of the checkpoint.
     pub robot: RobotId,
     /// Message time of the state.
     pub stamp_ns: RobotTime,
-    /// When it was handed to the store, wall time.
+    /// Time at which the store received it, wall time.
     pub received_ns: WallTime,
-    /// The state, in the fleet's format.
+    /// State of the task, in the fleet's format.
     pub state: Vec<u8>,
 }
 
-/// How well a robot follows its path with one calibration.
+/// Cross-track errors of a robot with one calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CrossTrackRecord {
-    /// Whose.
+    /// Robot of the errors.
     pub robot: RobotId,
-    /// Generation of the calibration; 0 for what it drove with at first.
+    /// Generation of the calibration; 0 for the factory calibration.
     pub generation: Generation,
-    /// The errors.
+    /// Statistics of the errors.
     pub errors: CrossTrack,
 }
 
-/// The latest estimate the store has of a robot.
+/// Latest stored estimate of a robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CurrentRecord {
-    /// The estimate.
+    /// Estimate of the robot.
     pub estimate: EstimateDocument,
-    /// When it was handed to the store, wall time.
+    /// Time at which the store received it, wall time.
     pub received_ns: WallTime,
 }
 
-/// One second of a robot's history.
+/// Second of a robot's history.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HistoryRow {
-    /// Whose.
+    /// Robot of the row.
     pub robot: RobotId,
     /// Message time, whole seconds since the Unix epoch.
     pub t_s: i64,
@@ -105,7 +105,7 @@ pub struct HistoryRow {
 }
 
 impl HistoryRow {
-    /// The row of an estimate that was received at `received_ns`.
+    /// Row of an estimate that was received at `received_ns`.
     pub fn of(robot: &RobotId, document: &EstimateDocument, received_ns: WallTime) -> Self {
         let estimated = |name: Parameter| {
             let parameter = document.parameters.get(name);
@@ -127,17 +127,17 @@ impl HistoryRow {
     }
 }
 
-/// Bits that one parameter's status has.
+/// Bits of one parameter's status.
 const STATUS_BITS: usize = 4;
 
-/// Status of every parameter in one number of the database, four bits each, the first parameter lowest. A
-/// parameter that came later than a row has the bits of `Off` there.
+/// Status of every parameter in one number of the database, four bits each, the first parameter
+/// lowest. A parameter that is newer than a row has the bits of `Off` in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PackedStatus(u64);
 
 impl PackedStatus {
-    /// The status of as many parameters as the database's signed number has room for; of more it does not
-    /// compile.
+    /// Packs the status of as many parameters as the database's signed number has room for; more of
+    /// them do not compile.
     pub fn of<const N: usize>(status: [ParameterStatus; N]) -> Self {
         const { assert!(N * STATUS_BITS < 64, "a column holds no more parameters") };
         let code = |status| match status {
@@ -155,20 +155,20 @@ impl PackedStatus {
         )
     }
 
-    /// As the database has it.
+    /// Reads the database's number.
     ///
     /// # Errors
-    /// When it is negative, which none is that was written.
+    /// If it is negative, which no written number is.
     pub fn stored(number: i64) -> Result<Self, TryFromIntError> {
         u64::try_from(number).map(Self)
     }
 
-    /// The number that is stored.
+    /// Number to be stored.
     pub fn number(self) -> i64 {
         self.0.cast_signed()
     }
 
-    /// One parameter's status; `None` for bits that no status has.
+    /// Status of one parameter; `None` for unused bits.
     pub fn get(self, parameter: Parameter) -> Option<ParameterStatus> {
         self.at(parameter.index())
     }
@@ -185,7 +185,7 @@ impl PackedStatus {
     }
 }
 
-/// What happened to a robot.
+/// Kind of event in a robot's history.
 #[derive(
     Debug,
     Clone,
@@ -205,60 +205,61 @@ impl PackedStatus {
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "snake_case")]
 pub enum EventKind {
-    /// The estimator found that the vehicle is no longer the one that was calibrated.
+    /// Detection that the vehicle is no longer the one that was calibrated.
     CalibrationChanged,
-    /// After a reassembly the calibration came out equal.
+    /// Calibration found equal after a reassembly.
     CalibrationConfirmed,
-    /// After a reassembly the calibration is known, and there was none before to compare it with.
+    /// Calibration learnt after a reassembly, without an earlier one to compare it with.
     CalibrationLearned,
-    /// A sensor or the LiDAR odometry failed for a while.
+    /// Failure of a sensor or of the LiDAR odometry that lasted.
     Fault,
-    /// Parts were taken off and put back.
+    /// Removal and refitting of parts.
     Reassembled,
-    /// Other work was done on the robot.
+    /// Other work on the robot.
     Maintenance,
-    /// The robot was switched on.
+    /// Power-on of the robot.
     PowerOn,
-    /// The robot's clock jumped back: a new session began.
+    /// New session, as the robot's clock jumped back.
     SessionStarted,
-    /// The robot's configuration was given or changed: its estimator began from nothing.
+    /// First or new configuration of the robot: its estimator started from scratch.
     Configured,
-    /// The robot's estimator failed and was restarted.
+    /// Restart of the robot's estimator after a failure.
     EstimatorRestarted,
-    /// The robot's estimator failed too often and was stopped.
+    /// Stop of the robot's estimator after too many failures.
     EstimatorStopped,
-    /// The service was started and went on from the robot's stored state.
+    /// Start of the service, which continued from the robot's checkpoint.
     ServiceStarted,
-    /// A calibration was proposed.
+    /// Proposal of a calibration.
     Proposed,
-    /// Enough people have agreed to a proposal.
+    /// Approval of a proposal by enough people.
     Approved,
-    /// A proposal ended without approval.
+    /// End of a proposal without approval.
     ProposalClosed,
-    /// The present estimate took the place of what was proposed; approvals already given are void.
+    /// Replacement of the proposed values by the present estimate; approvals already given are
+    /// void.
     ProposalRefreshed,
-    /// The approved calibration was offered to the robot.
+    /// Offer of the approved calibration to the robot.
     Offered,
-    /// The robot uses the approved calibration.
+    /// Application of the approved calibration by the robot.
     Applied,
-    /// The robot did not take the approved calibration, or not keep it.
+    /// Refusal, failure or reversion of the approved calibration by the robot.
     NotApplied,
-    /// A verification estimate agrees with what the robot uses.
+    /// Agreement of a verification estimate with the values in use.
     Verified,
-    /// A verification estimate disagrees with what the robot uses.
+    /// Disagreement of a verification estimate with the values in use.
     VerificationFailed,
-    /// The robot did not move enough to tell.
+    /// End of a verification without a verdict, after too little motion.
     Inconclusive,
-    /// The former calibration is on its way back.
+    /// Begin of a return to the former calibration.
     RollingBack,
-    /// The robot uses its former calibration again.
+    /// Return of the robot to its former calibration.
     RolledBack,
-    /// The robot did not take its former calibration.
+    /// Failed return of the robot to its former calibration.
     RollbackFailed,
 }
 
 impl EventKind {
-    /// All of them.
+    /// Every kind.
     pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
 
     /// The name in documents and in the database.
@@ -266,13 +267,13 @@ impl EventKind {
         self.into()
     }
 
-    /// The kind of this name.
+    /// Parses the name of a kind.
     pub fn parse(name: &str) -> Option<Self> {
         name.parse().ok()
     }
 }
 
-/// Who says that something happened.
+/// Source of an event.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, IntoStaticStr,
 )]
@@ -280,13 +281,13 @@ impl EventKind {
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "snake_case")]
 pub enum EventSource {
-    /// The estimator.
+    /// Estimator of the robot.
     Estimator,
-    /// The robot or a tool beside it.
+    /// Robot, or a tool beside it.
     Robot,
-    /// The service.
+    /// Service itself.
     Service,
-    /// A person or a tool of the site, over HTTP.
+    /// Person or tool of the site, over HTTP.
     Person,
 }
 
@@ -296,7 +297,7 @@ impl EventSource {
         self.into()
     }
 
-    /// The source of this name.
+    /// Parses the name of a source.
     pub fn parse(name: &str) -> Option<Self> {
         [Self::Estimator, Self::Robot, Self::Service, Self::Person]
             .into_iter()
@@ -304,42 +305,42 @@ impl EventSource {
     }
 }
 
-/// Something that happened, before it has a place in the history.
+/// Event before it has a place in the history.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NewEvent {
-    /// To whom.
+    /// Robot of the event.
     pub robot: RobotId,
-    /// What.
+    /// Kind of the event.
     pub kind: EventKind,
-    /// When, message time.
+    /// Time of the event, message time.
     pub stamp_ns: RobotTime,
-    /// When the service learnt of it, wall time.
+    /// Time at which the service received it, wall time.
     pub received_ns: WallTime,
-    /// Who says so.
+    /// Source of the event.
     pub source: EventSource,
-    /// The person's or tool's name.
+    /// Name of the person or tool.
     pub author: Option<String>,
-    /// In words.
+    /// Note, in words.
     pub note: Option<String>,
-    /// What belongs to its kind.
+    /// Details that belong to its kind.
     pub details: Option<serde_json::Value>,
 }
 
-/// Something that happened, in its place in the history.
+/// Event in its place in the history.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EventRecord {
-    /// Its number; later events have higher ones.
+    /// Number of the event; later events have higher ones.
     pub id: EventId,
-    /// Whether it was there before and is only told again.
+    /// True if it was stored before and is repeated.
     pub repeated: bool,
-    /// What happened.
+    /// Stored event.
     pub event: NewEvent,
 }
 
-/// What makes a repeated request recognisable.
+/// Idempotency key of a request, by which a repetition is recognised.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct IdempotencyKey {
-    /// The `Idempotency-Key` of the request.
+    /// Value of the request's `Idempotency-Key`.
     pub key: String,
     /// SHA-256 of the request's body.
     pub request_sha256: [u8; 32],
@@ -370,7 +371,7 @@ mod tests {
         assert_eq!(PackedStatus(0xf).get(Parameter::SteeringOffset), None);
     }
 
-    /// As many as are ever asked for: the ninth was lost, and the first eight were read of other bits.
+    /// Regression test: a ninth parameter was lost, and the first eight were read from wrong bits.
     #[test]
     fn a_row_has_room_for_more_parameters_than_there_are() {
         use ParameterStatus::{Converged, Fixed, Learning, Off};

@@ -5,7 +5,7 @@ use std::time::Duration;
 use fleetcal_domain::limits;
 use tokio::time::Instant;
 
-/// The pause between two commits: none while they succeed, and longer with each that fails.
+/// Pause between two commits: absent while they succeed, and longer with each that fails.
 #[derive(Debug, Default)]
 pub(crate) struct Retry {
     pause: Duration,
@@ -13,24 +13,24 @@ pub(crate) struct Retry {
 }
 
 impl Retry {
-    /// Takes a commit that failed at `now`.
+    /// Lengthens the pause after a commit that failed at `now`.
     pub(crate) fn failed(&mut self, now: Instant) {
         self.pause = (self.pause * 2).clamp(limits::STORE_RETRY_FIRST, limits::STORE_RETRY_MAX);
         self.at = Some(now + self.pause);
     }
 
-    /// Forgets what failed before.
+    /// Resets the pause.
     pub(crate) fn reset(&mut self) {
         *self = Self::default();
     }
 
-    /// When the next commit may begin; `None` when it may at once.
+    /// Earliest begin of the next commit; `None` if it may begin at once.
     pub(crate) fn at(&self) -> Option<Instant> {
         self.at
     }
 }
 
-/// Waits until an instant; not at all without one.
+/// Waits until an instant; returns at once without one.
 pub(crate) async fn pause_until(at: Option<Instant>) {
     if let Some(at) = at {
         tokio::time::sleep_until(at).await;

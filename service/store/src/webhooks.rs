@@ -1,14 +1,14 @@
-//! Webhooks and their deliveries as the store keeps them.
+//! Webhooks and their deliveries in the store.
 
 use fleetcal_domain::webhook::{Delivery, Secret, WebhookUrl};
 
-/// A delivery that is due, with what it takes to send it.
+/// Delivery that is due, with the address and secret to send it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DueDelivery {
-    /// The delivery.
+    /// Due delivery.
     pub delivery: Delivery,
-    /// Where it goes.
+    /// Address of the receiver.
     pub url: WebhookUrl,
-    /// What it is signed with.
+    /// Secret that signs the message.
     pub secret: Secret,
 }

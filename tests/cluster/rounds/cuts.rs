@@ -19,20 +19,20 @@ use crate::records;
 use crate::trial::{BALANCED_WITHIN, SERVED_WITHIN, Trial};
 
 const PAUSE: Duration = Duration::from_millis(200);
-/// A line is at most so much slower, in each direction, ms.
+/// Largest additional delay of a line, in each direction, ms.
 const DELAY_MAX_MS: u64 = 400;
-/// And for so long.
+/// Duration of the delay.
 const SLOW_FOR: Duration = Duration::from_secs(15);
 
-/// From what an instance is cut off.
+/// Counterpart from which an instance is cut off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum From {
     Database,
     Router,
 }
 
-/// Cuts an instance off and connects it again; gives how long its robots had no estimate from
-/// another one, and how long it took until all was even again, s.
+/// Cuts an instance off and connects it again; returns the time that its robots had no estimate
+/// from another one, and the time until the shares were even again, s.
 fn cut(trial: &mut Trial, seed: u64, from: From, direction: Cut) -> [f64; 2] {
     let mut random = StdRng::seed_from_u64(seed);
     let name = trial.chosen(&mut random);
@@ -137,8 +137,8 @@ async fn from_its_router_for_what_it_is_sent() {
     cuts("cut_of_router", From::Router, Cut::ToInstance).await;
 }
 
-/// Makes both lines of an instance slow for a while, as they are over a bad radio; gives by how much,
-/// and how many decisions were acknowledged meanwhile.
+/// Makes both lines of an instance slow for a while, as over a bad radio; returns the delay, and
+/// the number of decisions acknowledged meanwhile.
 fn slow(trial: &mut Trial, seed: u64) -> [f64; 2] {
     let mut random = StdRng::seed_from_u64(seed);
     let name = trial.chosen(&mut random);

@@ -15,11 +15,11 @@ use crate::progress::Progress;
 use crate::trial::{DECIDERS, DECIDERS_PAUSE, DRIVING, Trial, assert_rate};
 use crate::twin::{self, Twin};
 
-/// Decisions are taken again within this time after there is a primary, s.
+/// Time after the appearance of a primary within which decisions are taken again, s.
 const AGAIN_WITHIN_S: f64 = 5.0;
 const ETCD_GONE_FOR: Duration = Duration::from_mins(1);
 
-/// What happens to the servers.
+/// Failure of the servers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Failure {
     SwitchedOver,
@@ -38,7 +38,7 @@ impl Failure {
         Self::EtcdGone,
     ];
 
-    /// The name of its rounds.
+    /// Returns the name of its rounds.
     const fn kind(self) -> &'static str {
         match self {
             Self::SwitchedOver => "switchover",
@@ -49,7 +49,8 @@ impl Failure {
         }
     }
 
-    /// Lets it happen, and puts everything in order; gives since when there is a primary again.
+    /// Causes the failure, and repairs everything; returns the time since which there is a primary
+    /// again.
     fn happen(self, patroni: &mut Patroni, random: &mut StdRng) -> Instant {
         let former = patroni.primary_name();
         match self {
@@ -99,15 +100,15 @@ async fn trial(program: PathBuf, seed: u64) -> (Trial, Twin) {
     (Trial::on(cluster, &parts, seed, DECIDERS_PAUSE).await, twin)
 }
 
-/// Where a `patroni` is.
+/// Returns the path of a `patroni`.
 pub fn program() -> PathBuf {
     let path = std::env::var_os("FLEETCAL_PATRONI");
     let path = path.expect("FLEETCAL_PATRONI names a patroni: make cluster-failover");
     path.into()
 }
 
-/// One failure; gives how long nothing was decided after there was a primary, the longest time without
-/// a decision, s, how many decisions were acknowledged, and how many a second before.
+/// Causes one failure; returns the time without decisions after there was a primary, the longest
+/// time without a decision, s, the number of acknowledged decisions, and their rate before.
 fn fail(trial: &mut Trial, failure: Failure, seed: u64) -> [f64; 4] {
     let mut random = StdRng::seed_from_u64(seed);
     let rate = trial.decisions_per_s(Duration::from_millis(random.random_range(3_000..6_000)));

@@ -16,13 +16,14 @@ use crate::patroni::Patroni;
 use crate::trial::{DRIVING, PARKED, Trial};
 
 const PAUSE: Duration = Duration::from_millis(50);
-/// The other server is the primary for so long before the frozen one goes on.
+/// Time for which the other server is the primary before the frozen one is resumed.
 const LASTS_ON: Duration = Duration::from_secs(3);
 const DEMOTED_WITHIN: Duration = Duration::from_secs(10);
-/// Patroni asks its server for other reasons as well, and then reads again who leads.
+/// Most attempts, because Patroni queries its server for other reasons as well, and then reads the
+/// leader again.
 const TRIES_MAX: usize = 3;
 
-/// What is wrong after a primary was frozen so, at most `tries` times until something is.
+/// Returns the violations after a primary was frozen so, after at most `tries` attempts.
 async fn violations(program: &Path, tries: usize) -> Vec<Violation> {
     let parts = Parts {
         names: vec!["a", "b"],

@@ -22,10 +22,10 @@ use crate::network::Cut;
 use crate::records;
 use crate::trial::Trial;
 
-/// A moment in which what is wrongly not kept waiting would be over.
+/// Time after which a wait that fails to happen would be noticed.
 const MOMENT: Duration = Duration::from_millis(500);
 
-/// The store of an instance, and its life.
+/// Store of an instance, and its life.
 struct Writer {
     store: Store,
     registry: Arc<dyn ClusterRegistry>,
@@ -57,7 +57,7 @@ impl Writer {
         }
     }
 
-    /// Hands over to the store what the robot's estimator tells in second `t_s`.
+    /// Passes the output of the robot's estimator in second `t_s` to the store.
     fn tell(&self, t_s: i64) {
         record(&self.store, "a", t_s, 0.1);
         let state = vec![2, t_s as u8];
@@ -66,8 +66,8 @@ impl Writer {
     }
 }
 
-/// Takes an instance for dead that is between its fence and its rows, as one that is frozen there;
-/// gives what was seen.
+/// Declares an instance dead that is between its fence and its rows, like one that is frozen there;
+/// returns the evidence.
 async fn frozen_in_the_midst_of_a_write(fencing: Fencing) -> Evidence {
     let server = records::server(None);
     let url = server.url("postgres");
@@ -136,8 +136,8 @@ async fn a_fence_without_its_row_lock_is_found() {
     assert!(!found.is_empty() && found.iter().all(is_late), "{found:?}");
 }
 
-/// The database ends the lease while the instance, which cannot reach it, trusts it for seconds:
-/// what an instance without a gate does whose lease has ended.
+/// Ends the lease in the database while the instance, which cannot reach it, trusts it for seconds,
+/// like an instance without a gate whose lease has ended.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_instance_whose_gate_does_not_close_is_found() {
     let trial = Trial::start(true, 7, Duration::from_millis(200)).await;
@@ -162,11 +162,11 @@ async fn an_instance_whose_gate_does_not_close_is_found() {
     assert!(!found.is_empty() && found.iter().all(is_late), "{found:?}");
 }
 
-/// How often a server is killed whose commits do not wait for the disk.
+/// Number of kills of a server whose commits do not wait for the disk.
 const KILLS_MAX: usize = 5;
 
-/// Commits do not wait for the disk, and the server, whose processes are all killed, forgets with its
-/// memory what it acknowledged.
+/// Kills all processes of a server whose commits do not wait for the disk, which so forgets
+/// acknowledged ones with its memory.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_asynchronous_commit_is_found() {
     let trial = Trial::start(true, 7, Duration::from_millis(20)).await;
@@ -197,8 +197,8 @@ async fn an_asynchronous_commit_is_found() {
     assert!(lost > 5, "{found:?}");
 }
 
-/// Stops the process that would write full pages soon: what an asynchronous commit leaves to it stays in
-/// memory.
+/// Stops the process that would write full pages soon: the commits that an asynchronous server
+/// leaves to it stay in memory.
 fn stop_walwriter(url: &PostgresUrl) {
     let writer = "SELECT pid FROM pg_stat_activity WHERE backend_type = 'walwriter'";
     let stopped = Command::new("kill")

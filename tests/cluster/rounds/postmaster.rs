@@ -13,12 +13,12 @@ use crate::progress::Progress;
 use crate::records;
 use crate::trial::{DECIDERS, DECIDERS_PAUSE, Trial, assert_rate};
 
-/// Decisions are taken again within this time after the server's return, s.
+/// Time after the server's return within which decisions are taken again, s.
 const AGAIN_WITHIN_S: f64 = 5.0;
 
-/// Kills the postmaster, every second time with all of its processes, and starts the server again; gives
-/// how long nothing was decided after that, s, how many decisions were acknowledged in the round, and how
-/// many a second before.
+/// Kills the postmaster, every second time with all of its processes, and starts the server again;
+/// returns the time without decisions after that, s, the number of decisions acknowledged in the
+/// round, and their rate before.
 fn kill(trial: &Trial, seed: u64) -> [f64; 3] {
     let mut random = StdRng::seed_from_u64(seed);
     let before = trial.decider.acknowledged();

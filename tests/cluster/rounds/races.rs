@@ -12,13 +12,13 @@ use crate::progress::Progress;
 use crate::records;
 use crate::trial::desk;
 
-/// Robots about which is decided, one after the other.
+/// Robots with decisions, one after the other.
 const PARKED: usize = 4;
 
 /// The instances; two to five of them race.
 const INSTANCES: [&str; 5] = ["a", "b", "c", "d", "e"];
 
-/// One proposal and those who approve it.
+/// One proposal and its approvers.
 struct Race<'r> {
     desk: &'r Desk,
     second: &'r str,
@@ -36,7 +36,7 @@ impl Race<'_> {
         Desk::proposed(&proposed).unwrap()
     }
 
-    /// At which instances is approved, as places in [`INSTANCES`]: two to five of them.
+    /// Returns the instances of the approvals, as places in [`INSTANCES`]: two to five of them.
     fn racers(&self) -> Vec<usize> {
         let seed = self.seed as usize;
         let count = 2 + seed / PARKED % (INSTANCES.len() - 1);
@@ -45,8 +45,8 @@ impl Race<'_> {
         (0..count).map(place).collect()
     }
 
-    /// All at once, each at an instance of its own and every other one as somebody else; how many there
-    /// were, and which instance won.
+    /// Runs all approvals at once, each at an instance of its own and every other one by another
+    /// person; returns their number, and the winning instance.
     fn run(&self, decisions: &mut Vec<Decision>) -> [usize; 2] {
         let racers = self.racers();
         let waiting = &self.propose(self.desk.instances[racers[0]]);

@@ -16,7 +16,7 @@ use crate::watch::Watch;
 
 const ROBOTS: usize = 6;
 
-/// Kills a router and starts it again; gives how long after that the last robot's estimates came, s.
+/// Kills a router and starts it again; returns the time until the last robot's estimates came, s.
 async fn kill(cluster: &mut Cluster, router: usize, seed: u64) -> f64 {
     let other = &cluster.routers[1 - router..][..1];
     let watch = Watch::start(other).await;
@@ -77,12 +77,12 @@ async fn robots_are_served_over_the_other_router_when_theirs_is_killed() {
     );
 }
 
-/// Robots are served within this time when the routers are cut from each other.
+/// Time within which robots are served when the routers are cut from each other.
 const HEARD_WITHIN: Duration = Duration::from_secs(10);
-/// And nothing moves for so long after that.
+/// Time after that in which nothing moves.
 const CUT_FOR: Duration = Duration::from_secs(25);
 
-/// The instances that some of them do not hear.
+/// Returns the instances that some of them do not hear.
 fn unheard(instance: &Instance) -> Option<Vec<(String, String)>> {
     let cluster = instance.try_get("/api/v1/cluster")?;
     let names = |one: &Value| {
@@ -98,7 +98,7 @@ fn unheard(instance: &Instance) -> Option<Vec<(String, String)>> {
     Some(all?.concat())
 }
 
-/// Cuts the routers from each other; gives how long after that the last robot's estimates came, s.
+/// Cuts the routers from each other; returns the time until the last robot's estimates came, s.
 async fn part(cluster: &Cluster, lines: &[Line], a: &Instance, seed: u64) -> f64 {
     // The robots are at the first router, and so is a.
     let watch = Watch::start(&cluster.routers[..1]).await;

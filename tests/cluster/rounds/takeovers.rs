@@ -13,12 +13,12 @@ use crate::progress::Progress;
 use crate::trial::{BALANCED_WITHIN, DRIVING, HANDED_OVER_WITHIN, SERVED_WITHIN, Trial};
 use crate::twin::{self, Twin};
 
-/// The pause between two decisions of somebody who decides beside it.
+/// Pause between two decisions of the decider beside it.
 const PAUSE: Duration = Duration::from_millis(200);
-/// What a takeover takes, s: half of them, and 99 of 100.
+/// Time limits of a takeover, s: for half of them, and for 99 of 100.
 const TAKEOVER_S: [f64; 2] = [1.5, 3.0];
 
-/// Kills an instance; gives how long each of its robots had no estimate from another one, s.
+/// Kills an instance; returns the time that each of its robots had no estimate from another one, s.
 fn kill(trial: &mut Trial, seed: u64) -> Vec<f64> {
     let mut random = StdRng::seed_from_u64(seed);
     let name = trial.chosen(&mut random);
@@ -77,7 +77,7 @@ async fn a_killed_instance_is_replaced() {
     assert!(quantile(&slowest, 1.0) <= SERVED_WITHIN.as_secs_f64());
 }
 
-/// Neither liveliness tokens nor advisory locks are looked at: the lease has to end.
+/// Kills instances whose liveliness tokens and advisory locks are ignored: the lease has to end.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_killed_instance_is_replaced_when_its_lease_has_ended() {
     let progress = takeovers("takeover_by_lease", false, 3).await;
@@ -92,19 +92,19 @@ async fn a_killed_instance_is_replaced_when_its_lease_has_ended() {
     assert!(quantile(&slowest, 1.0) <= SERVED_WITHIN.as_secs_f64());
 }
 
-/// Robots drive for so many seconds (or `CLUSTER_DRIVEN_S`) before their instance is killed, and then until
-/// they are compared with a twin's.
+/// Time that robots drive (or `CLUSTER_DRIVEN_S`) before their instance is killed, and then until
+/// they are compared with a twin's, s.
 const DRIVEN_BEFORE_S: usize = 40;
 const COMPARED_AFTER: Duration = Duration::from_mins(1);
-/// How much larger a sigma may be than that of a twin which nobody disturbed.
+/// Largest relative excess of a sigma over that of an undisturbed twin.
 const LESS_CERTAIN: f64 = 0.05;
 
-/// By how much a sigma of a robot that was taken over is larger than the twin's.
+/// Excess of a sigma of a robot after a takeover over the twin's.
 #[derive(Debug)]
 struct CertaintyLost {
     robot: String,
     parameter: &'static str,
-    /// As a share of the twin's.
+    /// Excess as a share of the twin's.
     share: f64,
 }
 
@@ -172,7 +172,7 @@ async fn sigmas_after_a_takeover_are_nearly_those_of_a_twin() {
     assert_eq!(wider, 0, "{most:?}");
 }
 
-/// Freezes an instance for some time; gives how many estimates came late so far.
+/// Freezes an instance for some time; returns the number of late estimates so far.
 fn freeze(trial: &Trial, seed: u64) -> usize {
     let mut random = StdRng::seed_from_u64(seed);
     let name = trial.chosen(&mut random);
@@ -232,7 +232,8 @@ async fn a_frozen_instance_does_no_harm_when_it_thaws() {
     );
 }
 
-/// Stops an instance in order and starts it again; gives the longest times without an estimate, s.
+/// Stops an instance in order and starts it again; returns the longest times without an estimate,
+/// s.
 fn stop_and_join(trial: &mut Trial, seed: u64) -> [f64; 2] {
     let mut random = StdRng::seed_from_u64(seed);
     let name = trial.chosen(&mut random);

@@ -14,21 +14,22 @@ use crate::progress::Progress;
 use crate::trial::{DRIVING, Trial, is_parked};
 
 const PAUSE: Duration = Duration::from_millis(200);
-/// A robot whose instance is killed has driven so far with what it proves: far enough to see a run begin
-/// from scratch, and not so far that it ends meanwhile (60 m), m.
+/// Distance that a robot has driven with the calibration in verification when its instance is
+/// killed: far enough to recognise a run that begins from scratch, and not so far that it ends
+/// meanwhile (60 m), m.
 const PROVEN_OVER_M: RangeInclusive<f64> = 20.0..=45.0;
-/// A checkpoint is at most 10 s old, and robots drive at 1 m/s at most: at its first reading after the
-/// takeover, a run is shorter by no more, m.
+/// Most that a run is shorter at its first reading after the takeover, m: a checkpoint is at most
+/// 10 s old, and robots drive at 1 m/s at most.
 const SHORTER_MAX_M: f64 = 12.0;
 
-/// Every robot, by its id.
+/// Returns every robot, by its id.
 fn robots(seen_by: &Instance) -> Option<BTreeMap<String, Value>> {
     let list = seen_by.try_get("/api/v1/robots?limit=100")?;
     let one = |robot: &Value| Some((robot["id"].as_str()?.to_owned(), robot.clone()));
     list["items"].as_array()?.iter().map(one).collect()
 }
 
-/// Approves whatever waits for driving robots.
+/// Approves all proposals that wait for driving robots.
 fn approve_waiting(trial: &Trial, approver: &str) {
     let asked = trial.instances.values().next().unwrap();
     let list = asked.try_get("/api/v1/proposals?state=proposed&limit=100");
@@ -43,7 +44,7 @@ fn approve_waiting(trial: &Trial, approver: &str) {
     }
 }
 
-/// Approves and looks until something is found.
+/// Approves proposals and repeats a look until it finds something.
 fn meanwhile<T>(
     trial: &Trial,
     approver: &str,
@@ -64,7 +65,8 @@ fn meanwhile<T>(
     }
 }
 
-/// How far robots of an instance have driven with what they prove, once one has for some way.
+/// Returns the distances that robots of an instance have driven with the calibration in
+/// verification, once one has gone some way.
 fn proving(seen_by: &Instance, name: &str) -> Option<BTreeMap<String, f64>> {
     let all = robots(seen_by)?.into_iter();
     let own = all.filter(|(_, robot)| robot["instance"] == name);
@@ -74,7 +76,7 @@ fn proving(seen_by: &Instance, name: &str) -> Option<BTreeMap<String, f64>> {
     (!prove.is_empty()).then_some(prove)
 }
 
-/// Kills an instance whose robots prove; gives by how much each run was shorter at its first reading
+/// Kills an instance with robots in verification; returns the loss of each run at its first reading
 /// afterwards, m.
 fn kill(trial: &mut Trial, approver: &str) -> Vec<f64> {
     let name = *trial.instances.keys().next().unwrap();
@@ -97,7 +99,7 @@ fn kill(trial: &mut Trial, approver: &str) -> Vec<f64> {
     before.iter().map(|(id, m)| m - after[id]).collect()
 }
 
-/// Whether every driving robot has proven what it uses.
+/// True if every driving robot has verified its calibration.
 fn are_verified(seen_by: &Instance) -> Option<()> {
     let all = robots(seen_by)?.into_keys();
     let driving: Vec<_> = all.filter(|id| !is_parked(id)).collect();

@@ -14,12 +14,12 @@ use crate::receiver::{Receiver, proposed};
 use crate::records;
 use crate::trial::{BALANCED_WITHIN, SERVED_WITHIN, Trial};
 
-/// The pause between two decisions: messages are sent faster than proposals are made.
+/// Pause between two decisions: messages are sent faster than proposals are made.
 const PAUSE: Duration = Duration::from_secs(1);
-/// No decision takes longer while nothing is hurt.
+/// Longest time of a decision while nothing is disturbed.
 const DECIDED_WITHIN: Duration = Duration::from_secs(3);
 
-/// Registers a receiver; gives how many decisions may have been made before.
+/// Registers a receiver; returns the number of decisions that may have been made before.
 fn register(trial: &Trial, receiver: &Receiver) -> usize {
     let instance = trial.instances.values().next().unwrap();
     let body = json!({"url": receiver.url(), "events": ["proposal.waiting"]}).to_string();
@@ -36,8 +36,8 @@ fn register(trial: &Trial, receiver: &Receiver) -> usize {
     trial.decider.decisions().len()
 }
 
-/// Kills the instance that sends while the receiver accepts a message; gives how long another one took to
-/// have this duty, and how long until all that had been proposed was told, s.
+/// Kills the instance that sends while the receiver accepts a message; returns the time until
+/// another one had this duty, and until all proposals were reported, s.
 fn kill(trial: &mut Trial, receiver: &Receiver, from: usize, seed: u64) -> [f64; 2] {
     let mut random = StdRng::seed_from_u64(seed);
     std::thread::sleep(Duration::from_millis(random.random_range(2_000..4_000)));

@@ -25,32 +25,33 @@ pub const FOUR: [Parameter; 4] = [
     Parameter::SteeringOffset,
 ];
 
-/// A robot as it is, and what its calibrator is told of it.
+/// A robot's truth, and the configuration of its calibrator.
 #[derive(Debug, Clone)]
 pub struct Robot {
-    /// As it is.
+    /// True configuration.
     pub simulation: SimulationConfig,
-    /// As it is known.
+    /// Configuration of the calibrator.
     pub calibrator: CalibratorConfig,
-    /// From when on its calibrator takes its messages, s: it may begin while the robot drives.
+    /// Time from which its calibrator receives its messages, s: it may begin while the robot
+    /// drives.
     pub heard_from_s: f64,
 }
 
-/// What came of a drive.
+/// Result of a drive.
 #[derive(Debug, Clone)]
 pub struct Driven {
     /// The calibrator at the end.
     pub calibrator: Calibrator,
-    /// Every estimate, with the true parameters of its time.
+    /// Every estimate, with the true parameters at its time.
     pub estimates: Vec<(Estimate, TrueParameters)>,
     /// Changes and faults that were flagged.
     pub changes: Vec<Change>,
 }
 
-/// Something that happens on a drive, as an onlooker sees it.
+/// Event of a drive for an observer.
 #[derive(Debug, Clone, Copy)]
 pub enum Seen<'a> {
-    /// A message, with the truth behind it and, if the estimator takes it, what it takes.
+    /// A message, with the truth behind it and the estimator's event, if it makes one.
     Message(&'a Emitted, Option<&'a Event>),
     /// An estimate, with the calibrator that made it.
     Estimate(&'a Estimate, &'a Calibrator),
@@ -64,8 +65,8 @@ pub fn drive(robot: Robot, duration_s: f64) -> Result<Driven, EvaluationError> {
     drive_watched(robot, duration_s, |_, _, _| ControlFlow::Continue(()))
 }
 
-/// The same while somebody looks on, who is told the time (s), may change what the robot
-/// applies, and may end the drive.
+/// Drives a robot with an observer, which receives the time (s), may change the robot's
+/// calibration, and may end the drive.
 ///
 /// # Errors
 /// Names the setting or message that is refused.
@@ -115,8 +116,8 @@ pub fn drive_watched(
     })
 }
 
-/// True cross-track errors (m, left positive, ten a second) of a robot that follows its route by
-/// what it has applied, from one time to another (s). It calibrates nothing.
+/// Returns the true cross-track errors (m, left positive, ten a second) of a robot that follows its
+/// route by its applied calibration, from one time to another (s), without calibrating.
 ///
 /// # Errors
 /// Names the setting that is refused.
@@ -149,7 +150,7 @@ pub struct CrossTrack {
 }
 
 impl CrossTrack {
-    /// Looks at a message.
+    /// Adds the error of a message.
     pub fn see(&mut self, emitted: &Emitted) {
         if let SimulatedMessage::WheelOdometry(_) = emitted.message {
             if self.messages.is_multiple_of(10) {
@@ -161,7 +162,7 @@ impl CrossTrack {
     }
 }
 
-/// A simulated message as the estimator takes it.
+/// Converts a simulated message to the estimator's event.
 ///
 /// # Errors
 /// Names the field that is refused.
@@ -197,17 +198,17 @@ pub fn event_of(message: &SimulatedMessage) -> Result<Option<Event>, FieldRefuse
     })
 }
 
-/// A pose of the simulator as the estimator writes it.
+/// Converts a pose of the simulator to the estimator's type.
 pub fn estimators_pose(pose: &TruePose) -> Pose2 {
     Pose2::new(pose.x_m, pose.y_m, pose.yaw_rad)
 }
 
-/// A pose of the estimator as the simulator writes it.
+/// Converts a pose of the estimator to the simulator's type.
 pub fn simulators_pose(pose: &Pose2) -> TruePose {
     TruePose::new(pose.x_m, pose.y_m, pose.yaw_rad)
 }
 
-/// The true value of a parameter.
+/// Returns the true value of a parameter.
 pub fn truth_of(parameter: Parameter, truth: &TrueParameters) -> f64 {
     match parameter {
         Parameter::SteeringOffset => truth.steering_offset_rad,
@@ -221,7 +222,7 @@ pub fn truth_of(parameter: Parameter, truth: &TrueParameters) -> f64 {
     }
 }
 
-/// Error of a value of a parameter, the yaw the short way round.
+/// Returns the error of a value of a parameter, the yaw the short way round.
 pub fn error_of(parameter: Parameter, value: f64, truth: &TrueParameters) -> f64 {
     let error = value - truth_of(parameter, truth);
     match parameter {
@@ -230,7 +231,7 @@ pub fn error_of(parameter: Parameter, value: f64, truth: &TrueParameters) -> f64
     }
 }
 
-/// The mount of an estimate.
+/// Returns the mount of an estimate.
 pub fn mount_of(estimate: &Estimate) -> Pose2 {
     Pose2::new(
         estimate.parameter(Parameter::LidarX).value,
@@ -239,8 +240,9 @@ pub fn mount_of(estimate: &Estimate) -> Pose2 {
     )
 }
 
-/// Normalised estimation error squared of the four, 4 degrees of freedom: by the filter's covariance
-/// and what averaging cannot take away. `None` before the filter has started.
+/// Returns the normalised estimation error squared of the four, 4 degrees of freedom: by the
+/// filter's covariance and the systematic part that averaging cannot remove. `None` before the
+/// filter has started.
 pub fn nees(calibrator: &Calibrator, truth: &TrueParameters) -> Option<f64> {
     let filter = calibrator.filter()?;
     let covariance = filter.parameter_covariance();

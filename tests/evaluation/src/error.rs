@@ -6,23 +6,23 @@ use fleetcal_estimator::stream::FieldRefused;
 use fleetcal_robot::simulator::SettingRefused;
 use thiserror::Error;
 
-/// Why an evaluation ends before its report.
+/// Reason for which an evaluation ends before its report.
 #[derive(Debug, Error)]
 pub enum EvaluationError {
-    /// A study asks the simulator for what it cannot do.
+    /// A study asks the simulator for an impossible setting.
     #[error("the simulator refuses a study's setting")]
     Simulation(#[from] SettingRefused),
-    /// The simulator sent what the estimator does not take.
+    /// The simulator sent a message that the estimator refuses.
     #[error("the estimator refuses a simulated message")]
     Message(#[from] FieldRefused),
-    /// A run ended without what the study needs of it.
+    /// A run ended without a result that the study needs.
     #[error("{study}: a run of seed {seed} has no {missing}")]
     Missing {
-        /// Which study.
+        /// Name of the study.
         study: &'static str,
-        /// Which seed.
+        /// Seed of the run.
         seed: u64,
-        /// What is not there.
+        /// Missing result.
         missing: &'static str,
     },
     /// A figure could not be drawn.
@@ -30,24 +30,24 @@ pub enum EvaluationError {
     Figure {
         /// Its name.
         name: String,
-        /// What the drawing library says.
+        /// Error of the drawing library.
         why: String,
     },
     /// The report could not be written.
     #[error("{path} cannot be written")]
     Written {
-        /// Where to.
+        /// Path of the report.
         path: PathBuf,
-        /// Why.
+        /// Error of the system.
         #[source]
         source: std::io::Error,
     },
-    /// `fleetcal calibrate` did not do its work on a recording.
+    /// `fleetcal calibrate` failed on a recording.
     #[error("fleetcal calibrate {recording}: {why}")]
     Recording {
-        /// Which recording.
+        /// Name of the recording.
         recording: String,
-        /// What went wrong.
+        /// Reason.
         why: String,
     },
 }

@@ -2,14 +2,14 @@
 
 use crate::imperfect::ImperfectExtent;
 
-/// How many seeds, and for how long.
+/// Number of seeds, and lengths of the runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extent {
     /// Name in the report.
     pub name: &'static str,
     /// Seeds of each case: 1 to this.
     pub seeds: u64,
-    /// Length of the runs whose convergence is looked at, s.
+    /// Length of the runs whose convergence is studied, s.
     pub convergence_s: f64,
     /// Length of any other calibration run, s.
     pub calibration_s: f64,
@@ -19,12 +19,12 @@ pub struct Extent {
     pub odometry_m: f64,
     /// Length of a stretch in closed loop, s.
     pub loop_stretch_s: f64,
-    /// How many imperfect robots.
+    /// Extent of the study of imperfect robots.
     pub imperfect: ImperfectExtent,
 }
 
 impl Extent {
-    /// What is committed.
+    /// Extent of the committed report.
     pub const FULL: Self = Self {
         name: "full",
         seeds: 20,
@@ -42,7 +42,7 @@ impl Extent {
         },
     };
 
-    /// The same studies in less than three minutes.
+    /// Extent of the same studies in less than three minutes.
     pub const QUICK: Self = Self {
         name: "quick",
         seeds: 2,
@@ -60,7 +60,7 @@ impl Extent {
         },
     };
 
-    /// The seeds of a case.
+    /// Returns the seeds of a case.
     pub fn seeds(&self) -> Vec<u64> {
         (1..=self.seeds).collect()
     }

@@ -6,6 +6,7 @@ pub mod drive;
 pub mod error;
 pub mod extent;
 pub mod imperfect;
+pub mod joining;
 pub mod paper;
 pub mod paper_filter;
 pub mod path;
@@ -22,7 +23,7 @@ use extent::Extent;
 use report::{Report, Section};
 use study::recording::Source;
 
-/// One study: its name, and what runs it.
+/// A study: its name and function.
 type Study = (
     &'static str,
     fn(&Extent) -> Result<Section, EvaluationError>,
@@ -42,26 +43,26 @@ const STUDIES: [Study; 10] = [
     ("beside_paper", study::beside_paper::study),
 ];
 
-/// What is evaluated, and how the report names it.
+/// Content of an evaluation, and its description in the report.
 #[derive(Debug, Clone)]
 pub struct Evaluation {
-    /// How much is driven.
+    /// Extent of the driving.
     pub extent: Extent,
     /// Names of the studies; all of them when empty.
     pub only: Vec<String>,
-    /// Where the recording and the command that reads it are.
+    /// Paths of the recording and of the command that reads it.
     pub source: Source,
-    /// The commit that is evaluated.
+    /// Evaluated commit.
     pub commit: String,
-    /// The command that makes the report again.
+    /// Command that makes the report again.
     pub command: &'static str,
 }
 
 impl Evaluation {
-    /// Runs the studies, and tells each one's name as it begins.
+    /// Runs the studies, and passes each one's name to `tell` as it begins.
     ///
     /// # Errors
-    /// Whatever a study ends with.
+    /// The error of a study.
     pub fn run(&self, mut tell: impl FnMut(&str)) -> Result<Report, EvaluationError> {
         let wanted = |name: &str| self.only.is_empty() || self.only.iter().any(|one| one == name);
         let mut sections = Vec::new();

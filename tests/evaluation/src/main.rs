@@ -8,20 +8,20 @@ use fleetcal_evaluation::Evaluation;
 use fleetcal_evaluation::extent::Extent;
 use fleetcal_evaluation::study::recording::Source;
 
-/// Runs the evaluation: exit status 1 when a figure falls short of what it has to be.
+/// Runs the evaluation: exit status 1 if a figure misses its bound.
 #[derive(Debug, Parser)]
 #[command(name = "fleetcal-evaluation")]
 struct Arguments {
     /// Folder for evaluation.md and its figures.
     #[arg(long)]
     out: PathBuf,
-    /// The commit that is evaluated, for the report.
+    /// Evaluated commit, for the report.
     #[arg(long, default_value = "unknown")]
     commit: String,
     /// A few seeds only: under three minutes.
     #[arg(long)]
     quick: bool,
-    /// Studies by name; all of them when none is given.
+    /// Studies by name; all of them by default.
     studies: Vec<String>,
 }
 
@@ -63,7 +63,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// An error with what it came from.
+/// Formats an error with its causes.
 fn with_sources(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();

@@ -14,7 +14,7 @@ pub const LADEN_FROM_ZERO: Converged = [0.44, 0.0056, 0.73, 0.91];
 /// The second platform.
 pub const NANO: Converged = [0.2597, 0.0101, -1.29, -1.11];
 
-/// Table III: induced steering offset (degrees), and what was estimated.
+/// Table III: induced steering offset (degrees), and the estimates.
 pub const INDUCED: [(f64, Converged); 5] = [
     (-9.0, [0.4259, -0.0239, 0.67, -8.73]),
     (7.4, [0.4359, -0.0146, 0.79, 7.23]),
@@ -30,9 +30,9 @@ pub struct RunSet {
     pub calibrated: Converged,
     /// RMSE of the cross-track error in the calibration run, m.
     pub calibration_m: f64,
-    /// The same with the estimated offset added once more, m.
+    /// RMSE with the estimated offset added once more, m.
     pub added_m: f64,
-    /// The same with the estimated offset removed, m.
+    /// RMSE with the estimated offset removed, m.
     pub removed_m: f64,
 }
 
@@ -60,7 +60,7 @@ pub const RUN_SETS: [RunSet; 3] = [
 
 /// Last figure: RMSE against the filter's trajectory, uncompensated and compensated, m.
 pub const ODOMETRY_MANUAL_M: (f64, f64) = (15.316, 1.359);
-/// The same of the autonomous run, m.
+/// Same figures of the autonomous run, m.
 pub const ODOMETRY_AUTONOMOUS_M: (f64, f64) = (14.02, 1.65);
 
 /// A tenth of the worst error of an induced offset (0.27°), degrees.

@@ -1,17 +1,22 @@
-//! The paper's own filter, as it is printed: seven states, Euler steps, and the LiDAR's motion since
-//! the first pose as a measurement with white noise.
+//! The paper's own filter, equation by equation and in its letters: seven states, Euler steps, and the
+//! LiDAR's motion since the first pose as a measurement with white noise.
 //!
-//! Its expanded equations parametrise the inverse of the mount, the pose of the rear axle in the
-//! LiDAR's frame, although its text means the mount itself. Both readings are here.
+//! Each step names its equation and, behind the arrow, the file of the estimator that extends it;
+//! `docs/paper.md` has them in one table. The expanded equations 7 parametrise the inverse of the mount, the
+//! pose of the rear axle in the LiDAR's frame, although the text means the mount itself. Both readings are here.
+
+#![expect(non_snake_case, reason = "matrices have the paper's letters")]
 
 use fleetcal_estimator::geometry::{Pose2, wrap_angle_rad};
 use fleetcal_estimator::vehicle::DriveReading;
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-/// Position (3), extrinsics (3) and steering offset, the paper's `s_k`.
+/// Position (3), extrinsics (3) and steering offset: `s_k`.
 type State = SVector<f64, 7>;
 type Covariance = SMatrix<f64, 7, 7>;
 type Jacobian = SMatrix<f64, 3, 7>;
+/// Derivatives by the input `u_k`: speed and measured steering angle.
+type ByInput = SMatrix<f64, 7, 2>;
 
 /// How the measurement is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,10 +61,11 @@ pub struct PaperFilter {
     equations: Equations,
     tuning: Tuning,
     wheelbase_m: f64,
-    state: State,
-    covariance: Covariance,
-    /// The first LiDAR pose, `L_0`.
-    first: Option<Pose2>,
+    /// Mean and covariance of the belief.
+    s: State,
+    P: Covariance,
+    /// The first LiDAR pose.
+    L_0: Option<Pose2>,
 }
 
 impl PaperFilter {
@@ -84,94 +90,115 @@ impl PaperFilter {
             equations,
             tuning,
             wheelbase_m,
-            state: State::from([0.0, 0.0, 0.0, mount.x_m, mount.y_m, mount.yaw_rad, 0.0]),
-            covariance: Covariance::from_diagonal(&sigma.component_mul(&sigma)),
-            first: None,
+            s: State::from([0.0, 0.0, 0.0, mount.x_m, mount.y_m, mount.yaw_rad, 0.0]),
+            P: Covariance::from_diagonal(&sigma.component_mul(&sigma)),
+            L_0: None,
         }
     }
 
     /// Extrinsics (m, m, rad) and steering offset (rad).
     pub fn values(&self) -> [f64; 4] {
-        [self.state[3], self.state[4], self.state[5], self.state[6]]
+        [self.s[3], self.s[4], self.s[5], self.s[6]]
     }
 
     /// Their covariance.
     pub fn covariance(&self) -> SMatrix<f64, 4, 4> {
-        self.covariance.fixed_view::<4, 4>(3, 3).into_owned()
+        self.P.fixed_view::<4, 4>(3, 3).into_owned()
     }
 
-    /// The paper's prediction over `step_s`: `P = F P F' + G Q G'`. Nothing before the first pose.
-    pub fn predict(&mut self, drive: DriveReading, step_s: f64) {
-        if self.first.is_none() {
+    /// Predicts over `dt_s` (equation 10) → `filter/prediction.rs`. Nothing before the first LiDAR pose.
+    pub fn predict(&mut self, u: DriveReading, dt_s: f64) {
+        if self.L_0.is_none() {
             return;
         }
-        let (v, yaw) = (drive.speed_mps, self.state[2]);
-        let steering_rad = drive.steering_rad - self.state[6];
-        let (sin, cos) = yaw.sin_cos();
-        let curvature = steering_rad.tan() / self.wheelbase_m;
-        let by_steering = v * step_s / (self.wheelbase_m * steering_rad.cos().powi(2));
-
-        let mut transition = Covariance::identity();
-        transition[(0, 2)] = -v * sin * step_s;
-        transition[(1, 2)] = v * cos * step_s;
-        transition[(2, 6)] = -by_steering;
-        let mut by_input = SMatrix::<f64, 7, 2>::zeros();
-        by_input[(0, 0)] = cos * step_s;
-        by_input[(1, 0)] = sin * step_s;
-        by_input[(2, 0)] = curvature * step_s;
-        by_input[(2, 1)] = by_steering;
-        let Tuning {
-            speed_mps,
-            steering_rad: steering_noise_rad,
-            walk_per_sqrt_s,
-            ..
-        } = self.tuning;
-        let input = nalgebra::Vector2::new(speed_mps.powi(2), steering_noise_rad.powi(2));
-        let input = nalgebra::Matrix2::from_diagonal(&input);
-
-        self.state[0] += v * cos * step_s;
-        self.state[1] += v * sin * step_s;
-        self.state[2] += v * curvature * step_s;
-        self.covariance = transition * self.covariance * transition.transpose()
-            + by_input * input * by_input.transpose();
+        let (F, G) = self.F_and_G(u, dt_s);
+        self.s = self.f(u, dt_s);
+        self.P = F * self.P * F.transpose() + G * self.Q() * G.transpose();
+        // Equation 4: extrinsics and steering offset walk → `filter/prior.rs`.
         for i in 3..7 {
-            self.covariance[(i, i)] += walk_per_sqrt_s.powi(2) * step_s;
+            self.P[(i, i)] += self.tuning.walk_per_sqrt_s.powi(2) * dt_s;
         }
     }
 
-    /// The paper's update with a LiDAR pose in its odometry frame; the first one is `L_0`.
-    pub fn update(&mut self, lidar_in_odom: &Pose2) {
-        let Some(first) = self.first else {
-            self.first = Some(*lidar_in_odom);
+    /// Updates with a LiDAR pose in its odometry frame (equations 11 and 12) → `filter/mod.rs`. The first
+    /// one is `L_0`.
+    pub fn update(&mut self, L_k: &Pose2) {
+        let Some(L_0) = self.L_0 else {
+            self.L_0 = Some(*L_k);
             return;
         };
-        let measured = first.between(lidar_in_odom);
-        let (predicted, jacobian) = match self.equations {
+        let z = L_0.between(L_k);
+        let (h, H) = self.h_and_H();
+        let mut r = Vector3::new(z.x_m, z.y_m, z.yaw_rad) - h;
+        r[2] = wrap_angle_rad(r[2]);
+        let PHt = self.P * H.transpose();
+        let Some(S) = (H * PHt + self.R()).cholesky() else {
+            return;
+        };
+        let K = PHt * S.inverse();
+        self.s += K * r;
+        self.P -= K * PHt.transpose();
+        self.P = (self.P + self.P.transpose()) * 0.5;
+    }
+
+    /// Motion model `f(s_k, u_k)`: equation 3 with the true steering angle of equation 1 →
+    /// `vehicle/bicycle.rs`, by exact arcs.
+    fn f(&self, u: DriveReading, dt_s: f64) -> State {
+        let (v, theta) = (u.speed_mps, self.s[2]);
+        let delta_true = u.steering_rad - self.s[6];
+        let (sin, cos) = theta.sin_cos();
+        let curvature = delta_true.tan() / self.wheelbase_m;
+        let mut s = self.s;
+        s[0] += v * cos * dt_s;
+        s[1] += v * sin * dt_s;
+        s[2] += v * curvature * dt_s;
+        s
+    }
+
+    /// Jacobians `F_k` and `G_k` of the motion model (equation 5) → `vehicle/mod.rs`.
+    fn F_and_G(&self, u: DriveReading, dt_s: f64) -> (Covariance, ByInput) {
+        let (v, theta) = (u.speed_mps, self.s[2]);
+        let delta_true = u.steering_rad - self.s[6];
+        let (sin, cos) = theta.sin_cos();
+        let curvature = delta_true.tan() / self.wheelbase_m;
+        let by_steering = v * dt_s / (self.wheelbase_m * delta_true.cos().powi(2));
+        let mut F = Covariance::identity();
+        F[(0, 2)] = -v * sin * dt_s;
+        F[(1, 2)] = v * cos * dt_s;
+        F[(2, 6)] = -by_steering;
+        let mut G = ByInput::zeros();
+        G[(0, 0)] = cos * dt_s;
+        G[(1, 0)] = sin * dt_s;
+        G[(2, 0)] = curvature * dt_s;
+        G[(2, 1)] = by_steering;
+        (F, G)
+    }
+
+    /// Covariance of the input → `motion_noise.rs`, for each root metre instead.
+    fn Q(&self) -> Matrix2<f64> {
+        let sigma = [self.tuning.speed_mps, self.tuning.steering_rad];
+        Matrix2::from_diagonal(&Vector2::from(sigma.map(|sigma| sigma.powi(2))))
+    }
+
+    /// Covariance of a LiDAR pose → `fleetcal_odometry`, which states one for each pose.
+    fn R(&self) -> Matrix3<f64> {
+        let (m, rad) = (self.tuning.position_m, self.tuning.yaw_rad);
+        let sigma = Vector3::new(m, m, rad);
+        Matrix3::from_diagonal(&sigma.component_mul(&sigma))
+    }
+
+    /// Measurement model `h(s_k)` and its Jacobian `H_k` (equations 7 and 8), made of the motion-based
+    /// calibration constraint (equation 6) → `filter/constraint.rs`.
+    fn h_and_H(&self) -> (Vector3<f64>, Jacobian) {
+        match self.equations {
             Equations::AsPrinted => self.as_printed(),
             Equations::Compact => self.compact(),
-        };
-        let mut residual = Vector3::new(measured.x_m, measured.y_m, measured.yaw_rad) - predicted;
-        residual[2] = wrap_angle_rad(residual[2]);
-        let Tuning {
-            position_m,
-            yaw_rad,
-            ..
-        } = self.tuning;
-        let sigma = Vector3::new(position_m, position_m, yaw_rad);
-        let noise = nalgebra::Matrix3::from_diagonal(&sigma.component_mul(&sigma));
-        let cross = self.covariance * jacobian.transpose();
-        let Some(factor) = (jacobian * cross + noise).cholesky() else {
-            return;
-        };
-        let gain = cross * factor.inverse();
-        self.state += gain * residual;
-        self.covariance -= gain * cross.transpose();
-        self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
+        }
     }
 
-    /// `h` and `H` as printed, with `B_0` the origin.
+    /// Both as printed, with `B_0` the origin.
     fn as_printed(&self) -> (Vector3<f64>, Jacobian) {
-        let [dx, dy, turned, x, y, yaw, _] = self.state.data.0[0];
+        let [dx, dy, turned, x, y, yaw, _] = self.s.data.0[0];
         let (sin_turned, cos_turned) = turned.sin_cos();
         let (sin, cos) = yaw.sin_cos();
         let predicted = Vector3::new(
@@ -205,9 +232,9 @@ impl PaperFilter {
         (predicted, jacobian)
     }
 
-    /// `h` and `H` of `X^-1 B_k X`, with `B_0` the origin.
+    /// Both of `X^-1 B_k X`, with `B_0` the origin and `X` for `T^B_L`.
     fn compact(&self) -> (Vector3<f64>, Jacobian) {
-        let [dx, dy, turned, x, y, yaw, _] = self.state.data.0[0];
+        let [dx, dy, turned, x, y, yaw, _] = self.s.data.0[0];
         let (sin_turned, cos_turned) = turned.sin_cos();
         let (sin, cos) = yaw.sin_cos();
         // The LiDAR's way in the frame of B_0, then seen from the LiDAR.
@@ -242,6 +269,12 @@ impl PaperFilter {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fleetcal_estimator::drive_history::DriveSegment;
+    use fleetcal_estimator::filter::prediction::PredictedMotion;
+    use fleetcal_estimator::motion_noise::MotionNoise;
+    use fleetcal_estimator::vehicle::{
+        DriveParameters, SteeringCurve, SteeringResponse, Vehicle, VehicleModel,
+    };
 
     const TUNING: Tuning = Tuning {
         speed_mps: 0.01,
@@ -259,9 +292,9 @@ mod tests {
             steering_rad: 0.1,
         };
         let mut filter = PaperFilter::new(equations, TUNING, &start, 1.2);
-        filter.state[0] = body.x_m;
-        filter.state[1] = body.y_m;
-        filter.state[2] = body.yaw_rad;
+        filter.s[0] = body.x_m;
+        filter.s[1] = body.y_m;
+        filter.s[2] = body.yaw_rad;
         filter
     }
 
@@ -274,19 +307,13 @@ mod tests {
             (Equations::AsPrinted, constraint(&mount.inverse())),
         ] {
             let filter = filter(equations, mount, body);
-            let (predicted, jacobian) = match equations {
-                Equations::AsPrinted => filter.as_printed(),
-                Equations::Compact => filter.compact(),
-            };
+            let (predicted, jacobian) = filter.h_and_H();
             let expected = Vector3::new(expected.x_m, expected.y_m, expected.yaw_rad);
             assert!((predicted - expected).norm() < 1e-12, "{equations:?}");
             for i in 0..7 {
                 let mut moved = filter.clone();
-                moved.state[i] += 1e-6;
-                let (after, _) = match equations {
-                    Equations::AsPrinted => moved.as_printed(),
-                    Equations::Compact => moved.compact(),
-                };
+                moved.s[i] += 1e-6;
+                let (after, _) = moved.h_and_H();
                 let numeric = (after - predicted) * 1e6;
                 assert!(
                     (numeric - jacobian.column(i)).norm() < 1e-5,
@@ -330,6 +357,76 @@ mod tests {
         let truth = [mount.x_m, mount.y_m, mount.yaw_rad, offset_rad];
         for (value, truth) in found.values().into_iter().zip(truth) {
             assert!((value - truth).abs() < 1e-3, "{value} for {truth}");
+        }
+    }
+
+    /// Equation 3 is what the estimator left first: seen from its end, a mount that is moved by `v dt / 2`
+    /// explains the difference to an arc, so that `x_off` is off by as much.
+    #[test]
+    fn an_euler_step_is_half_a_step_behind_the_arc() {
+        let (dt_s, wheelbase_m) = (0.01, 1.2);
+        let drive = DriveReading {
+            speed_mps: 1.0,
+            steering_rad: 0.4,
+            ..DriveReading::default()
+        };
+        let mut euler = filter(Equations::Compact, Pose2::IDENTITY, Pose2::IDENTITY);
+        let mut arc = PredictedMotion::none();
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, wheelbase_m);
+        let parameters = DriveParameters {
+            steering_offset_rad: 0.0,
+            speed_scale: 1.0,
+            wheelbase_m,
+            steering_gain: 1.0,
+            side_slip_rad_per_mps2: 0.0,
+            curve: SteeringCurve::default(),
+            response: SteeringResponse::default(),
+            half_play_rad: 0.0,
+        };
+        let segment = DriveSegment {
+            duration_s: dt_s,
+            drive,
+            held_m: 0.0,
+            steering_step_rad: 0.0,
+        };
+        for _ in 0..100 {
+            euler.s = euler.f(drive, dt_s);
+            arc.advance(&vehicle, &parameters, &MotionNoise::default(), &segment);
+        }
+        let euler = Pose2::new(euler.s[0], euler.s[1], euler.s[2]);
+        let half = Pose2::new(-0.5 * dt_s, 0.0, 0.0);
+        let shifted = half.inverse().compose(&arc.end_in_begin).compose(&half);
+        let apart = shifted.between(&euler).log();
+        assert!(apart.norm() < 1e-5, "{apart}");
+    }
+
+    /// Equation 5 against differences of equation 3.
+    #[test]
+    fn the_jacobians_of_the_motion_match_differences() {
+        let at = filter(
+            Equations::Compact,
+            Pose2::IDENTITY,
+            Pose2::new(2.0, 1.5, 0.9),
+        );
+        let u = DriveReading {
+            speed_mps: 1.3,
+            steering_rad: 0.2,
+            ..DriveReading::default()
+        };
+        let (F, G) = at.F_and_G(u, 0.01);
+        let h = 1e-6;
+        for i in 0..7 {
+            let mut moved = at.clone();
+            moved.s[i] += h;
+            let numeric = (moved.f(u, 0.01) - at.f(u, 0.01)) / h;
+            assert!((numeric - F.column(i)).norm() < 1e-6, "state {i}");
+        }
+        let (mut faster, mut turned) = (u, u);
+        faster.speed_mps += h;
+        turned.steering_rad += h;
+        for (i, other) in [faster, turned].into_iter().enumerate() {
+            let numeric = (at.f(other, 0.01) - at.f(u, 0.01)) / h;
+            assert!((numeric - G.column(i)).norm() < 1e-6, "input {i}");
         }
     }
 }

@@ -17,7 +17,7 @@ impl Path {
         self.poses.push((stamp_ns, pose));
     }
 
-    /// The pose at a time, between its neighbours; `None` outside.
+    /// Returns the pose at a time, between its neighbours; `None` outside.
     pub fn at(&self, stamp_ns: i64) -> Option<Pose2> {
         let after = self.poses.partition_point(|(stamp, _)| *stamp < stamp_ns);
         let (end_ns, end) = self.poses.get(after)?;
@@ -30,7 +30,7 @@ impl Path {
         Some(begin.compose(&Pose2::exp(&(motion * share))))
     }
 
-    /// The positions, m.
+    /// Returns the positions, m.
     pub fn points(&self) -> Vec<(f64, f64)> {
         let points = self.poses.iter();
         points.map(|(_, pose)| (pose.x_m, pose.y_m)).collect()
@@ -42,15 +42,16 @@ impl Path {
 pub struct DeadReckoning {
     vehicle: Vehicle,
     parameters: DriveParameters,
-    /// How late the wheel odometry is taken to be, ns.
+    /// Assumed delay of the wheel odometry, ns.
     late_ns: i64,
     at: Option<(i64, Pose2)>,
-    /// Where it says that the robot was.
+    /// Path by dead reckoning.
     pub path: Path,
 }
 
 impl DeadReckoning {
-    /// Starts at a pose (of `base`, in the world), with the next drive reading.
+    /// Makes the dead reckoning, which starts at a pose (of `base`, in the world) with the next
+    /// drive reading.
     pub fn new(vehicle: Vehicle, parameters: DriveParameters, late_s: f64) -> Self {
         Self {
             vehicle,
@@ -61,8 +62,8 @@ impl DeadReckoning {
         }
     }
 
-    /// Takes a drive reading, which describes the interval that ends at its stamp. The first one
-    /// puts the robot where it really is.
+    /// Adds a drive reading, which describes the interval that ends at its stamp. The first one
+    /// sets the robot to its true pose.
     pub fn take(&mut self, stamp_ns: i64, reading: DriveReading, truly: &Pose2) {
         let pose = match self.at {
             None => *truly,

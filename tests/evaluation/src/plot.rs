@@ -14,19 +14,19 @@ const PANEL: (u32, u32) = (300, 220);
 const CAPTION: (&str, i32) = ("sans-serif", 14);
 const LABEL: (&str, i32) = ("sans-serif", 11);
 
-/// Colours that a colour-blind reader tells apart (Okabe and Ito).
+/// Colour that a colour-blind reader can tell from the others (Okabe and Ito).
 pub const BLUE_LINE: RGBColor = RGBColor(0, 114, 178);
-/// The second one.
+/// Second such colour.
 pub const ORANGE_LINE: RGBColor = RGBColor(213, 94, 0);
-/// The third one.
+/// Third such colour.
 pub const GREEN_LINE: RGBColor = RGBColor(0, 158, 115);
-/// For what stands in the background.
+/// Colour of the background's curves.
 pub const GREY_LINE: RGBColor = RGBColor(170, 170, 170);
 
 /// Points of a curve.
 pub type Points = Vec<(f64, f64)>;
 
-/// Something drawn in a panel.
+/// Content of a panel.
 #[derive(Debug, Clone)]
 pub enum Series {
     /// A curve.
@@ -42,7 +42,7 @@ pub enum Series {
 /// One pair of axes.
 #[derive(Debug, Clone)]
 pub struct Panel {
-    /// What stands above it.
+    /// Title above it.
     pub title: String,
     /// Name and unit of x.
     pub x_name: String,
@@ -52,16 +52,16 @@ pub struct Panel {
     pub x: Range<f64>,
     /// Shown part of y.
     pub y: Range<f64>,
-    /// What it shows, the last on top. What lies outside is left out.
+    /// Its content, the last on top. Parts outside the axes are left out.
     pub series: Vec<Series>,
-    /// Names of colours, top right.
+    /// Legend of colours, top right.
     pub legend: Vec<(&'static str, RGBColor)>,
 }
 
 /// Draws panels in rows of `columns`.
 ///
 /// # Errors
-/// When the drawing library refuses.
+/// When the drawing library fails.
 pub fn figure(
     name: &'static str,
     caption: &str,
@@ -143,7 +143,7 @@ fn draw_panel(cell: &Cell, panel: &Panel) -> Result<(), Box<dyn Error>> {
     draw_legend(cell, panel)
 }
 
-/// Names in their colours, below one another at the top right.
+/// Draws names in their colours, below one another at the top right.
 fn draw_legend(cell: &Cell, panel: &Panel) -> Result<(), Box<dyn Error>> {
     use plotters::style::text_anchor::{HPos, Pos, VPos};
     let (width, _) = cell.dim_in_pixel();
@@ -156,7 +156,7 @@ fn draw_legend(cell: &Cell, panel: &Panel) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A label with as many digits as it needs.
+/// Formats a label with as many digits as it needs.
 fn number(value: f64) -> String {
     let rounded = (value * 1e6).round() / 1e6;
     format!("{}", rounded + 0.0)
@@ -173,7 +173,7 @@ fn clamped((x, y): (f64, f64), panel: &Panel) -> (f64, f64) {
     )
 }
 
-/// The pieces of a curve that lie inside.
+/// Returns the pieces of a curve that lie inside.
 fn inside(points: &Points, panel: &Panel) -> Vec<Points> {
     let pieces = points.split(|point| !is_inside(*point, panel));
     pieces
@@ -182,7 +182,7 @@ fn inside(points: &Points, panel: &Panel) -> Vec<Points> {
         .collect()
 }
 
-/// Leaves out the points between which a curve stays inside half a pixel: files stay small.
+/// Removes the points between which a curve stays inside half a pixel: files stay small.
 fn without_flat_runs(piece: &[(f64, f64)], panel: &Panel) -> Points {
     let half_pixel = 0.5 * (panel.y.end - panel.y.start) / f64::from(PANEL.1);
     let width = (panel.x.end - panel.x.start) / f64::from(PANEL.0);

@@ -32,20 +32,20 @@ pub struct Origin {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Value {
-    /// Cases that were counted, of all.
+    /// Counted cases among all.
     Share {
-        /// Those that are counted.
+        /// Counted cases.
         count: u64,
-        /// All.
+        /// All cases.
         of: u64,
     },
-    /// Quantity over so many cases; none where it is not finite.
+    /// Quantity over a number of cases; absent if it is not finite.
     Quantity {
         /// Its value.
         value: Option<f64>,
         /// Its unit.
         unit: String,
-        /// Cases behind it.
+        /// Number of cases.
         of: u64,
     },
 }
@@ -67,14 +67,14 @@ pub struct Figure {
 /// Figures of one run of a campaign.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Results {
-    /// Where they come from.
+    /// Their origin.
     pub origin: Origin,
-    /// In the order of their tables, rows and columns.
+    /// Figures in the order of their tables, rows and columns.
     pub figures: Vec<Figure>,
 }
 
 impl Results {
-    /// The results as JSON lines.
+    /// Writes the results as JSON lines.
     ///
     /// # Errors
     /// When a value cannot be written as JSON.
@@ -90,7 +90,7 @@ impl Results {
     /// Reads JSON lines.
     ///
     /// # Errors
-    /// When the first line is no origin, or a further one no figure.
+    /// When the first line is not an origin, or a further one not a figure.
     pub fn parse(text: &str) -> Result<Self, serde_json::Error> {
         let mut lines = text.lines();
         let origin = serde_json::from_str(lines.next().unwrap_or_default())?;
@@ -98,7 +98,7 @@ impl Results {
         Ok(Self { origin, figures })
     }
 
-    /// The page as Markdown.
+    /// Writes the page as Markdown.
     pub fn page(&self) -> String {
         let Origin {
             title,
@@ -162,7 +162,7 @@ impl Value {
     }
 }
 
-/// Pages of a folder's newest results, by the name of their campaign.
+/// Makes the pages of a folder's newest results, by the name of their campaign.
 ///
 /// # Errors
 /// When a file cannot be read or holds no results.
@@ -187,7 +187,7 @@ pub fn pages(folder: &Path) -> Result<BTreeMap<String, String>, EvaluationError>
     Ok(newest.into_iter().map(page).collect())
 }
 
-/// Each text once, in the order of its first place.
+/// Returns each text once, in the order of its first place.
 fn distinct<'a>(all: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
     let mut once = Vec::new();
     for one in all {

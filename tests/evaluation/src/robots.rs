@@ -14,24 +14,24 @@ use crate::drive::Robot;
 pub const TUGGER_CAD: Pose2 = Pose2::new(0.434, 0.0, 0.0);
 /// The nano's mount by CAD, from the paper: m, m, rad.
 pub const NANO_CAD: Pose2 = Pose2::new(0.26, 0.0, 0.0);
-/// What no robot's data sheet says, in all studies but where it is told otherwise: a wheel 0.5 %
-/// larger than it should be, and wheel odometry that is 20 ms late.
+/// Errors that a robot's data sheet does not cover, in all studies unless stated otherwise: a wheel
+/// 0.5 % larger than it should be, and wheel odometry that is 20 ms late.
 const SPEED_SCALE: f64 = 1.005;
 const TIME_OFFSET_S: f64 = 0.02;
 
-/// How well a robot in a warehouse knows where its LiDAR is: 1 cm and 0.3°, again ten times a second.
+/// Localisation noise of a robot in a warehouse: 1 cm and 0.3°, again ten times a second.
 pub const WAREHOUSE_LOCALISATION: LocalisationNoise = LocalisationNoise {
     position_sigma_m: 0.01,
     yaw_sigma_rad: 0.3 / 180.0 * std::f64::consts::PI,
 };
 
-/// A mount from metres and degrees.
+/// Makes a mount from metres and degrees.
 pub fn mount(x_m: f64, y_m: f64, yaw_deg: f64) -> TruePose {
     TruePose::new(x_m, y_m, yaw_deg.to_radians())
 }
 
-/// A tugger on the figure-eight, with raw scans and three people: its true mount, its true steering
-/// offset (degrees), and nothing told of either.
+/// Makes a tugger on the figure-eight, with raw scans and three people: its true mount, its true
+/// steering offset (degrees), and a calibrator without either.
 pub fn tugger(seed: u64, lidar_in_base: TruePose, steering_offset_deg: f64) -> Robot {
     let mut simulation = SimulationConfig::figure_eight(seed);
     simulation.vehicle.lidar_in_base = lidar_in_base;
@@ -47,7 +47,7 @@ pub fn tugger(seed: u64, lidar_in_base: TruePose, steering_offset_deg: f64) -> R
     }
 }
 
-/// The tugger under a load of 500 kg: its tyres give way in bends and its wheels slip more.
+/// Loads the tugger with 500 kg: its tyres give way in bends and its wheels slip more.
 pub fn laden(mut robot: Robot) -> Robot {
     robot.simulation.vehicle.slip = Slip {
         longitudinal_sigma: 0.003,
@@ -56,7 +56,7 @@ pub fn laden(mut robot: Robot) -> Robot {
     robot
 }
 
-/// The small robot on a small figure-eight: half a metre of wheelbase, at walking pace.
+/// Makes the small robot on a small figure-eight: half a metre of wheelbase, at walking pace.
 pub fn nano(seed: u64, lidar_in_base: TruePose, steering_offset_deg: f64) -> Robot {
     let mut robot = tugger(seed, lidar_in_base, steering_offset_deg);
     let simulation = &mut robot.simulation;
@@ -76,8 +76,8 @@ pub fn nano(seed: u64, lidar_in_base: TruePose, steering_offset_deg: f64) -> Rob
     robot
 }
 
-/// The same robot with its own LiDAR odometry of 3 mm and 0.03° in place of raw scans: fast, and
-/// with noise that is white as a filter takes it.
+/// Replaces the robot's raw scans by its own LiDAR odometry of 3 mm and 0.03°: fast, and with white
+/// noise as a filter assumes.
 pub fn with_lidar_poses(mut robot: Robot) -> Robot {
     robot.simulation.people.count = 0;
     robot.simulation.lidar = LidarOutput::Poses(PoseSettings {

@@ -16,8 +16,9 @@ use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
 
-/// Time from one drive sample to the next, ns, and how many of them a LiDAR pose comes after.
+/// Time from one drive sample to the next, ns.
 const STEP_NS: i64 = 10_000_000;
+/// Drive samples from one LiDAR pose to the next.
 const STEPS_PER_POSE: u64 = 10;
 /// Time constant of steering and drive, s.
 const LAG_S: f64 = 0.1;
@@ -27,18 +28,18 @@ const STEERING_STEP_RAD: f64 = 0.25 / 180.0 * std::f64::consts::PI;
 /// Noise of the LiDAR's pose, m and rad: 3 mm and 0.03°.
 const POSE_SIGMA: [f64; 3] = [0.003, 0.003, 0.000_5];
 
-/// A vehicle as it really is.
+/// True parameters of a vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
     /// Steering offset, speed scale, wheelbase, gain.
     pub parameters: DriveParameters,
-    /// How late the wheel odometry is, s.
+    /// Delay of the wheel odometry, s.
     pub time_offset_s: f64,
     /// The mount.
     pub lidar_in_base: Pose2,
 }
 
-/// The robot, and the filter that follows it.
+/// A robot, and the filter that follows it.
 #[derive(Debug, Clone)]
 pub struct Scripted {
     vehicle: Vehicle,
@@ -55,7 +56,7 @@ pub struct Scripted {
 }
 
 impl Scripted {
-    /// A robot at rest, whose filter knows a vehicle and a mount by CAD.
+    /// Makes a robot at rest, whose filter knows a vehicle and a mount by CAD.
     pub fn new(seed: u64, vehicle: Vehicle, truth: Truth, cad: Pose2) -> Self {
         let settings = EstimatorSettings::default();
         let prior = Prior::cold(&vehicle, Some(cad), &settings);
@@ -74,12 +75,12 @@ impl Scripted {
         }
     }
 
-    /// The filter.
+    /// Returns the filter.
     pub fn filter(&self) -> &Filter {
         &self.follower.filter
     }
 
-    /// Its vehicle as configured, and the filter's settings.
+    /// Returns the configured vehicle, and the filter's settings.
     pub fn known(&self) -> (&Vehicle, &EstimatorSettings) {
         (&self.vehicle, &self.settings)
     }

@@ -2,30 +2,30 @@
 
 use std::fmt;
 
-/// Root of the mean square.
+/// Returns the root of the mean square.
 pub fn rms(values: &[f64]) -> f64 {
     let squares: f64 = values.iter().map(|value| value * value).sum();
     (squares / values.len().max(1) as f64).sqrt()
 }
 
-/// Mean.
+/// Returns the mean.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// Standard deviation of a sample.
+/// Returns the standard deviation of a sample.
 pub fn spread(values: &[f64]) -> f64 {
     let middle = mean(values);
     let squares: f64 = values.iter().map(|value| (value - middle).powi(2)).sum();
     (squares / (values.len().max(2) - 1) as f64).sqrt()
 }
 
-/// Largest absolute value.
+/// Returns the largest absolute value.
 pub fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most, value| most.max(value.abs()))
 }
 
-/// The value below which `share` of the absolute values lie.
+/// Returns the value below which `share` of the absolute values lie.
 pub fn quantile_of_size(values: &[f64], share: f64) -> f64 {
     let mut sizes: Vec<_> = values.iter().map(|value| value.abs()).collect();
     sizes.sort_by(f64::total_cmp);
@@ -33,17 +33,17 @@ pub fn quantile_of_size(values: &[f64], share: f64) -> f64 {
     sizes.get(place).copied().unwrap_or_default()
 }
 
-/// How many of so many, with the bound that they prove.
+/// A count among cases, with its bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Proportion {
-    /// Those that are counted.
+    /// Counted cases.
     pub count: u64,
-    /// All.
+    /// All cases.
     pub of: u64,
 }
 
 impl Proportion {
-    /// Counts those of which `counted` holds.
+    /// Counts the cases that satisfy `counted`.
     pub fn count<T>(all: impl Iterator<Item = T>, counted: impl Fn(&T) -> bool) -> Self {
         all.fold(Self::default(), |so_far, one| Self {
             count: so_far.count + u64::from(counted(&one)),
@@ -51,13 +51,14 @@ impl Proportion {
         })
     }
 
-    /// The share; 0 of nothing.
+    /// Returns the share; 0 without cases.
     pub fn share(&self) -> f64 {
         self.count as f64 / self.of.max(1) as f64
     }
 
-    /// Upper end of the exact one-sided interval of 95 % (Clopper and Pearson 1934): the
-    /// probability at which so few are seen in 5 % of cases. With none of N it is about 3/N.
+    /// Returns the upper end of the exact one-sided interval of 95 % (Clopper and Pearson 1934):
+    /// the probability at which this count or a lower one is observed in 5 % of cases. For 0 of N
+    /// it is about 3/N.
     pub fn upper_bound(&self) -> f64 {
         if self.count >= self.of {
             return 1.0;
@@ -65,7 +66,7 @@ impl Proportion {
         bisect(1.0, |probability| self.at_most(probability))
     }
 
-    /// Probability that no more are counted than were, `sum over i of C(n, i) p^i (1 - p)^(n - i)`.
+    /// Returns the probability of at most this count, `sum over i of C(n, i) p^i (1 - p)^(n - i)`.
     fn at_most(&self, probability: f64) -> f64 {
         let odds = probability / (1.0 - probability);
         let mut term = self.of as f64 * (-probability).ln_1p();
@@ -85,17 +86,17 @@ impl fmt::Display for Proportion {
     }
 }
 
-/// How many in so many hours, with the bound that they prove.
+/// A count over hours, with its bound.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Rate {
-    /// Those that are counted.
+    /// Counted events.
     pub count: u64,
     /// Hours of driving.
     pub hours: f64,
 }
 
 impl Rate {
-    /// The number in one hour; 0 in no time.
+    /// Returns the number in one hour; 0 in no time.
     pub fn an_hour(&self) -> f64 {
         if self.hours > 0.0 {
             self.count as f64 / self.hours
@@ -104,14 +105,14 @@ impl Rate {
         }
     }
 
-    /// Upper end of the exact one-sided interval of 95 % for the number in one hour: with none in
-    /// T hours about 3/T.
+    /// Returns the upper end of the exact one-sided interval of 95 % for the number in one hour:
+    /// for 0 in T hours about 3/T.
     pub fn upper_bound(&self) -> f64 {
         let most = 20.0 + 3.0 * self.count as f64;
         bisect(most, |expected| self.at_most(expected)) / self.hours
     }
 
-    /// Probability that no more are counted than were where `expected` are, by Poisson's law.
+    /// Returns the probability of at most this count if `expected` is the mean, by Poisson's law.
     fn at_most(&self, expected: f64) -> f64 {
         let mut term = -expected;
         let mut sum = term.exp();
@@ -130,7 +131,7 @@ impl fmt::Display for Rate {
     }
 }
 
-/// Where a falling probability passes 5 %, between 0 and `most`.
+/// Returns the place where a falling probability passes 5 %, between 0 and `most`.
 fn bisect(most: f64, probability: impl Fn(f64) -> f64) -> f64 {
     const UNLIKELY: f64 = 0.05;
     let (mut low, mut high) = (0.0, most);

@@ -10,12 +10,12 @@ use zenoh::Session;
 
 use super::robot::RosRobot;
 use super::{BRIDGE, HUMBLE, JAZZY, config, topics_of};
-use crate::hostile::client;
+use crate::service::hostile::client;
 
-/// Longest wait for a token to come or go.
+/// Longest wait for a token to appear or disappear.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The tokens that stand under a key expression, as `rmw_zenoh` asks for them when a node starts.
+/// Returns the tokens under a key expression, queried as by a starting node of `rmw_zenoh`.
 async fn graph(session: &Session, expression: &str) -> BTreeSet<String> {
     let asked = session.liveliness().get(expression);
     let replies = asked.timeout(Duration::from_secs(5)).await.unwrap();
@@ -40,7 +40,7 @@ async fn graph_of(session: &Session, expression: &str, tokens: usize) -> BTreeSe
     }
 }
 
-/// The service's own id, by its token.
+/// Returns the service's own id, by its token.
 async fn instance(session: &Session) -> String {
     let tokens = graph_of(session, "fleet/@service/*", 1).await;
     let token = tokens.first().unwrap();

@@ -76,7 +76,7 @@ fn config() -> String {
     .concat()
 }
 
-/// What the service says about a robot's topics.
+/// Returns the service's view of a robot's topics.
 fn topics_of(service: &Service, robot: &str) -> Option<Vec<Value>> {
     let robot = service.try_get(&format!("/api/v1/robots/{robot}"))?;
     let topics = robot["topics"].as_array()?.clone();
@@ -150,11 +150,11 @@ async fn a_robot_of_every_layout_gets_the_numbers_of_a_plain_one() {
     assert_eq!(service.robot("jazzy_01")["warnings"], serde_json::json!([]));
 }
 
-/// Where a robot of `rmw_zenoh` hears the approved calibration.
+/// Key on which a robot of `rmw_zenoh` receives the approved calibration.
 const APPROVED: &str = "0/jazzy_01/calibration/approved/std_msgs::msg::dds_::String_/\
                         RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18";
 
-/// What a subscriber of ROS 2 reads in a message.
+/// Reads a message as a subscriber of ROS 2 does.
 fn read_approved(sample: &zenoh::sample::Sample) -> CalibrationDocument {
     // Without one rmw_zenoh drops it.
     let attached = sample.attachment().unwrap();
@@ -229,7 +229,7 @@ async fn what_is_approved_is_a_transient_local_topic() {
     other.close().await.unwrap();
 }
 
-/// A session, and what comes on the topic from now on while it is open.
+/// Opens a session; returns it with the messages on the topic from now on while it is open.
 async fn subscribed(service: &Service) -> (zenoh::Session, mpsc::Receiver<zenoh::sample::Sample>) {
     let (sender, receiver) = mpsc::channel(16);
     let session = client(service).await;
@@ -242,9 +242,9 @@ async fn subscribed(service: &Service) -> (zenoh::Session, mpsc::Receiver<zenoh:
     (session, receiver)
 }
 
-/// Messages whose taking in is timed.
+/// Messages whose ingestion is timed.
 const TIMED_MESSAGES: u64 = 50_000;
-/// What one may cost at most, microseconds of a core.
+/// Largest cost of a message, microseconds of a core.
 const INGEST_MAX_US: f64 = 100.0;
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -6,13 +6,14 @@ use fleetcal_tests::service::{Service, wait_for};
 use zenoh::qos::CongestionControl;
 
 use super::robot::HASH;
-use crate::hostile::client;
+use crate::service::hostile::client;
 
 /// Samples sent on each key.
 const SAMPLES: u64 = 500;
 
-/// `*/left/front/wheel_odometry` of the one robot and `7/left/front/wheel_odometry` of the other, which is known by
-/// its domain; the third has its prefix below that domain.
+/// Configuration with `*/left/front/wheel_odometry` of the one robot and
+/// `7/left/front/wheel_odometry` of the other, which is known by its domain; the third has its
+/// prefix below that domain.
 const CONFIG: &str = "\
     [ros2]\n\
     rmw_zenoh = [\"{domain}/{robot}/{topic}\", \"{robot}/{topic}\"]\n\

@@ -12,15 +12,15 @@ use fleetcal_robot::replay::Window;
 use fleetcal_tests::service::Service;
 use zenoh::qos::CongestionControl;
 
-use crate::hostile::client;
+use crate::service::hostile::client;
 
-/// Pause between two looks at how far the service is.
+/// Pause between two checks of the service's progress.
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 
-/// The hash of a type as it stands in keys; any text does.
+/// Hash of a type in keys; any text works.
 pub const HASH: &str = "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828";
 
-/// How a robot's topics are named.
+/// Layout of a robot's keys.
 #[derive(Debug, Clone, Copy)]
 pub enum Layout {
     /// `rmw_zenoh` with this hash.
@@ -28,17 +28,17 @@ pub enum Layout {
     Bridge,
 }
 
-/// What a robot publishes.
+/// Topics of a robot.
 #[derive(Debug, Clone, Copy)]
 pub struct Topics {
-    /// Before the topic in keys.
+    /// Prefix of the topic in keys.
     pub prefix: &'static str,
     pub wheel_odometry: &'static str,
     pub scan: &'static str,
     pub layout: Layout,
-    /// Steering as joints on `drive`, and the speed as odometry on `odom`.
+    /// True if steering comes as joints on `drive`, and the speed as odometry on `odom`.
     pub apart: bool,
-    /// Attachments as builds before 2025 wrote them.
+    /// True for attachments in the layout of builds before 2025.
     pub old_attachments: bool,
 }
 
@@ -51,7 +51,7 @@ impl Topics {
         }
     }
 
-    /// The token that announces a publisher of the robot.
+    /// Returns the token that announces a publisher of the robot.
     pub fn token(&self, topic: &str, of: MessageType) -> String {
         let path = format!("{}/{topic}", self.prefix);
         match self.layout {
@@ -142,7 +142,7 @@ impl RosRobot {
         self.tokens.push(declared.unwrap());
     }
 
-    /// Publishes all of a recording as fast as the service works.
+    /// Publishes all of a recording as fast as the service processes it.
     pub async fn publish(&mut self, path: &Path) -> u64 {
         let recording = Recording::open(path).unwrap();
         let names = ["/tugger_01/wheel_odometry", "/tugger_01/scan"];
@@ -214,7 +214,8 @@ impl RosRobot {
     }
 }
 
-/// Steering as the position of a joint that is geared down, and the speed as odometry.
+/// Splits a drive sample into steering as the position of a joint that is geared down, and the
+/// speed as odometry.
 pub fn apart(drive: &AckermannDriveStamped) -> (JointState, Odometry) {
     let joints = JointState {
         header: drive.header.clone(),

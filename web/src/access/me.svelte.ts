@@ -1,19 +1,19 @@
-/** Who is signed in, and what that person may do. */
+/** The signed-in user and that user's rights. */
 
 import { get, onUnauthorised, post, remove, Refusal } from '../api/client';
 import type { Role, Session } from '../api/types';
 import { drafts } from '../ui/drafts.svelte';
 
-/** Roles of people; each may what those before it may. */
+/** Roles of people in ascending order; each includes the rights of those before it. */
 const ROLES: readonly Role[] = ['viewer', 'operator', 'approver', 'admin'];
 
 /**
- * `unknown` until the service has said; `out` when nobody is signed in, `setup` when nobody can be
- * because there are no users yet.
+ * State of signing in: `unknown` before the service's first answer, `in`, `out` when nobody is
+ * signed in, `setup` when there are no users yet.
  */
 export type SignedIn = 'unknown' | 'in' | 'out' | 'setup';
 
-/** Whether `role` may what `wanted` may. */
+/** True if `role` includes the rights of `wanted`. */
 export function includes(role: Role, wanted: Role): boolean {
   return ROLES.includes(role) && ROLES.indexOf(role) >= ROLES.indexOf(wanted);
 }
@@ -22,16 +22,16 @@ class Me {
   state = $state<SignedIn>('unknown');
   name = $state('');
   role = $state<Role>('viewer');
-  /** Whether a session has ended under the reader's hands. */
+  /** True if a session has ended while the page was in use. */
   ended = $state(false);
-  /** Why the service did not say who is signed in, in a sentence. */
+  /** Reason why the signed-in user could not be queried, in a sentence. */
   problem = $state('');
 
   constructor() {
     onUnauthorised((code) => this.#out(code));
   }
 
-  /** Asks the service. */
+  /** Queries the signed-in user. */
   async load(): Promise<void> {
     try {
       this.#in((await get<Session>('/session')).body);
@@ -45,12 +45,12 @@ class Me {
     this.#in(await post<Session>('/session', { name, password }));
   }
 
-  /** Makes the first administrator, who is then signed in. */
+  /** Creates the first administrator, who is then signed in. */
   async setUp(code: string, name: string, password: string): Promise<void> {
     this.#in(await post<Session>('/setup', { code, name, password }));
   }
 
-  /** Signs out; gives why that failed, in a sentence, or nothing. */
+  /** Signs out; returns the reason of a failure in a sentence, otherwise an empty text. */
   async signOut(): Promise<string> {
     try {
       await remove('/session');
@@ -66,7 +66,7 @@ class Me {
     return '';
   }
 
-  /** Whether the reader may what `role` may. */
+  /** True if the reader has the rights of `role`. */
   may(role: Role): boolean {
     return this.state === 'in' && includes(this.role, role);
   }

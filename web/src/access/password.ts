@@ -3,10 +3,10 @@
 const CHARS_MIN = 12;
 const CHARS_MAX = 128;
 
-/** What is accepted, in words. */
+/** Description of an accepted password. */
 export const ACCEPTED = `${CHARS_MIN} to ${CHARS_MAX} characters; no other rules.`;
 
-/** What is wrong with a new password that was typed twice; empty when nothing is. */
+/** Returns the problem of a new password that was typed twice; empty if it is accepted. */
 export function passwordProblem(password: string, again: string): string {
   const chars = Array.from(password).length;
   if (chars < CHARS_MIN || chars > CHARS_MAX) {

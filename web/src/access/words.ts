@@ -1,4 +1,4 @@
-/** What each role may do, in words. */
+/** Descriptions of the rights of each role. */
 
 import type { Role } from '../api/types';
 

@@ -1,11 +1,11 @@
-/** Active alerts as all pages see them: read once, then kept up by the event stream. */
+/** Active alerts as shared by all pages: read once, then updated by the event stream. */
 
 import { list, problemOf } from '../api/client';
 import type { Alert } from '../api/types';
 import type { FleetListener } from '../fleet/listener';
 
 const REREAD_EVERY_MS = 60_000;
-/** Changes that come together are shown together. */
+/** Time over which changes are gathered before they are shown together. */
 const GATHER_MS = 300;
 const ACTIVE_MAX = 5000;
 
@@ -14,22 +14,22 @@ class Alerts {
   active = $state.raw<ReadonlyMap<number, Alert>>(new Map());
   loaded = $state<'loading' | 'ready' | 'failed'>('loading');
   problem = $state('');
-  /** Moves with every change that was told. */
+  /** Counter of the received changes. */
   changes = $state(0);
-  /** How many fire and nobody has taken on. */
+  /** Number of firing alerts that nobody has acknowledged. */
   readonly open = $derived(
     [...this.active.values()].filter((alert) => fires(alert) && !alert.acknowledgement).length,
   );
   #told = new Map<number, Alert>();
   #gathering: ReturnType<typeof setTimeout> | undefined;
 
-  /** Hears of changes. */
+  /** Receives changes from the event stream. */
   readonly listener: FleetListener = {
     alert: (alert) => this.take(alert),
     resync: () => void this.load(),
   };
 
-  /** Starts reading; returns how to stop. */
+  /** Starts reading; returns a function that stops it. */
   run(): () => void {
     void this.load();
     const timer = setInterval(() => void this.load(), REREAD_EVERY_MS);
@@ -39,7 +39,7 @@ class Alerts {
     };
   }
 
-  /** Reads what is active. */
+  /** Reads the active alerts. */
   async load(): Promise<void> {
     try {
       const found = await list<Alert>('/alerts', { state: 'active' }, ACTIVE_MAX);
@@ -52,7 +52,7 @@ class Alerts {
     }
   }
 
-  /** Takes an alert as it stands now. */
+  /** Stores the current state of an alert. */
   take(alert: Alert): void {
     this.#told.set(alert.id, alert);
     this.#gathering ??= setTimeout(() => this.#show(), GATHER_MS);
@@ -71,7 +71,7 @@ class Alerts {
   }
 }
 
-/** Whether what it is about is still so; a pending or recovering alert has not or no longer proven it. */
+/** True if the alert's condition holds; that of a pending or recovering alert is not proven. */
 export function fires({ state }: Pick<Alert, 'state'>): boolean {
   return state === 'alerting' || state === 'no_data';
 }

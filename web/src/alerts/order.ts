@@ -1,4 +1,7 @@
-/** The order of alerts: what fires, then what recovers or may fire; the worst, then the longest. */
+/**
+ * Order of alerts: firing before pending and recovering ones, then by severity, then the longest
+ * first.
+ */
 
 import type { Alert, AlertState } from '../api/types';
 import { KINDS } from './words';

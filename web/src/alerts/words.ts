@@ -1,12 +1,12 @@
-/** What an alert is about and where it stands, in words and shapes. */
+/** Words and shapes for the subjects and states of alerts. */
 
 import type { Alert, AlertKind, AlertState } from '../api/types';
 import { STANDINGS } from '../fleet/standing';
 import type { Face } from '../ui/face';
 
 /**
- * A kind that is about robots is a way for a robot to stand, and looks like that. No kind has the
- * word of a state.
+ * Faces of the kinds of alert. A kind about robots has the face of the corresponding standing; its
+ * word differs from that of every state.
  */
 export const KINDS: Record<AlertKind, Face> = {
   rollback_failed: STANDINGS.rollback_failed,
@@ -70,7 +70,7 @@ export const STATES: Record<AlertState, Face> = {
   },
 };
 
-/** Whose alert it is: a robot's, that of several, or that of the service's instances. */
+/** Returns the subject of an alert: a robot, several robots, or the service's instances. */
 export function subjectOf({ robot, robots }: Pick<Alert, 'robot' | 'robots'>): string {
   if (robot != null) return robot;
   if (robots.length === 0) return 'Instances of the service';

@@ -7,18 +7,18 @@ const REQUEST_TIMEOUT_MS = 10_000;
 const BASE = '/api/v1';
 const LIST_PAGE = 1000;
 
-/** A request that did not do what it was for. */
+/** Error of a request that failed. */
 export class Refusal extends Error {
   constructor(
-    /** What went wrong, in a sentence for people. */
+    /** Description of the failure, in a sentence for people. */
     message: string,
-    /** The HTTP status, or 0 when no answer came. */
+    /** HTTP status, or 0 without an answer. */
     readonly status: number,
   ) {
     super(message);
   }
 
-  /** Whether somebody else was faster: what was looked at is no longer what is there. */
+  /** True if the document has changed since it was read. */
   get changed(): boolean {
     return this.status === 412;
   }
@@ -30,20 +30,23 @@ export interface Answer<T> {
   etag: string | null;
 }
 
-/** Told the `code` of every answer that says that nobody, or nobody any more, is signed in. */
+/**
+ * Receives the `code` of every answer that requires the user to sign in, for the first time or
+ * again.
+ */
 let unauthorised: (code: string) => void = () => undefined;
 
-/** Has `listener` told whenever the service asks for a credential. */
+/** Registers `listener` for answers of the service that require a credential. */
 export function onUnauthorised(listener: (code: string) => void): void {
   unauthorised = listener;
 }
 
-/** Why something failed, in a sentence. */
+/** Returns the reason of a failure, in a sentence. */
 export function problemOf(error: unknown): string {
   return error instanceof Refusal ? error.message : String(error);
 }
 
-/** A text that can begin a line, and be followed by a full stop. */
+/** Returns a text that can begin a line and precede a full stop. */
 export function sentence(text: string): string {
   const trimmed = text.trim().replace(/\.$/, '');
   return trimmed.charAt(0).toUpperCase() + trimmed.slice(1);
@@ -61,7 +64,7 @@ async function refusal(response: Response): Promise<Refusal> {
   return new Refusal(sentence(text), response.status);
 }
 
-/** Any request; most are {@link get}, {@link put}, {@link post} or {@link remove}. */
+/** Sends any request; most are {@link get}, {@link put}, {@link post} or {@link remove}. */
 export async function send(path: string, init: RequestInit): Promise<Response> {
   let response: Response;
   try {
@@ -80,13 +83,16 @@ export async function send(path: string, init: RequestInit): Promise<Response> {
   return response;
 }
 
-/** GET of a JSON document. */
+/** Sends a GET for a JSON document. */
 export async function get<T>(path: string, signal?: AbortSignal): Promise<Answer<T>> {
   const response = await send(path, signal ? { signal } : {});
   return { body: (await response.json()) as T, etag: response.headers.get('etag') };
 }
 
-/** PUT of a JSON document; `etag` is the version that it replaces, null to create the document. */
+/**
+ * Sends a PUT of a JSON document; `etag` is the version that it replaces, null to create the
+ * document.
+ */
 export async function put<T>(path: string, body: unknown, etag: string | null): Promise<T> {
   const condition: HeadersInit = etag === null ? { 'if-none-match': '*' } : { 'if-match': etag };
   const response = await send(path, {
@@ -97,7 +103,7 @@ export async function put<T>(path: string, body: unknown, etag: string | null): 
   return (await response.json()) as T;
 }
 
-/** A change of what is there at version `etag`; refused when that is no longer its version. */
+/** Sends a change of the document at version `etag`; refused if its version differs. */
 export async function change<T>(
   method: 'POST' | 'PUT' | 'PATCH',
   path: string,
@@ -113,12 +119,12 @@ export async function change<T>(
   return { body: (await response.json()) as T, etag: response.headers.get('etag') };
 }
 
-/** The `ETag` of version `version`, where a list gives versions. */
+/** Returns the `ETag` of version `version`, for lists that contain versions. */
 export function etagOf(version: number): string {
   return `"${version}"`;
 }
 
-/** Every entry of a list that comes in pages, up to `most` of them. */
+/** Reads the entries of a paginated list, up to `most` of them. */
 export async function list<T>(
   path: string,
   query: Record<string, string>,
@@ -137,18 +143,18 @@ export async function list<T>(
   return found;
 }
 
-/** A key under which a request that creates something counts once, however often it is sent. */
+/** Returns an idempotency key: a request that creates something is executed once per key. */
 export function onceKey(): string {
   const bytes = crypto.getRandomValues(new Uint8Array(16));
   return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
 }
 
-/** DELETE; `etag` is the version that is looked at, where there are versions. */
+/** Sends a DELETE; `etag` is the displayed version, if the resource has versions. */
 export async function remove(path: string, etag?: string): Promise<void> {
   await send(path, { method: 'DELETE', headers: etag ? { 'if-match': etag } : {} });
 }
 
-/** POST that creates something; sending it again under the same key, if any, does nothing. */
+/** Sends a POST that creates something; repeating it under the same key, if any, has no effect. */
 export async function post<T>(path: string, body: unknown, idempotencyKey?: string): Promise<T> {
   const key: HeadersInit = idempotencyKey ? { 'idempotency-key': idempotencyKey } : {};
   const response = await send(path, {

@@ -1,16 +1,16 @@
-/** A document of the service as a page shows it: read, kept, and read again. */
+/** A document of the service on a page: read, kept, and read again. */
 
 import { untrack } from 'svelte';
 import { get, problemOf, Refusal } from './client';
 
 export class Reading<T> {
-  /** What was read last; it stays while a later reading fails. */
+  /** Document read last; kept during the next reading. */
   value = $state.raw<T>();
-  /** Its version, for a change of it. */
+  /** Version of the document, for a change of it. */
   etag = $state<string | null>(null);
-  /** Why the last reading failed, in a sentence. */
+  /** Reason why the last reading failed, in a sentence. */
   problem = $state('');
-  /** The HTTP status of that failure, or 0. */
+  /** HTTP status of that failure, or 0. */
   status = $state(0);
   #path: () => string;
   #reading: AbortController | undefined;
@@ -20,8 +20,8 @@ export class Reading<T> {
   }
 
   /**
-   * Reads it now; a reading under way gives way to this one. An effect that calls this does not
-   * depend on what the path is made of: it would read again with every estimate of a robot.
+   * Reads the document now; cancels a reading in progress. An effect that calls this does not
+   * depend on the parts of the path: it would read again with every estimate of a robot.
    */
   async load(): Promise<void> {
     this.#reading?.abort();
@@ -41,7 +41,7 @@ export class Reading<T> {
     }
   }
 
-  /** Takes what a change has answered. */
+  /** Stores the answer to a change. */
   take(value: T, etag: string | null): void {
     this.#reading?.abort();
     this.value = value;
@@ -49,7 +49,7 @@ export class Reading<T> {
     this.problem = '';
   }
 
-  /** Reads it now and every `every_ms`; returns how to stop. */
+  /** Reads the document now and every `every_ms`; returns a function that stops it. */
   run(every_ms: number): () => void {
     void this.load();
     const timer = setInterval(() => void this.load(), every_ms);

@@ -14,12 +14,14 @@ const RETRY_MAX_MS = 15_000;
 
 export type StreamState = 'connecting' | 'live' | 'lost';
 
-/** What listens to the stream. */
+/** Listener of the stream. */
 export interface StreamListener {
   message(event: LiveEvent): void;
-  /** The stream has begun; `again` when it only changed its topics, and nothing was missed. */
+  /**
+   * Called when the stream has begun; `again` if only its topics changed and nothing was missed.
+   */
   ready(again: boolean): void;
-  /** The stream broke, or could not be opened. */
+  /** Called when the stream broke, or could not be opened. */
   lost(): void;
 }
 
@@ -29,7 +31,7 @@ export class LiveStream {
   #names: readonly LiveEvent['event'][];
   #topics: readonly string[] = [];
   #source: EventSource | undefined;
-  /** One that is still listened to until its successor is there: so nothing is missed. */
+  /** Former stream, which is received until its successor is open, so that nothing is missed. */
   #former: EventSource | undefined;
   #retry: ReturnType<typeof setTimeout> | undefined;
   #wait_ms = RETRY_FIRST_MS;
@@ -39,7 +41,7 @@ export class LiveStream {
     this.#listener = listener;
   }
 
-  /** Listens to these topics from now on. */
+  /** Subscribes to these topics from now on. */
   follow(topics: readonly string[]): void {
     if (topics.join() === this.#topics.join()) return;
     this.#topics = topics;
@@ -49,7 +51,9 @@ export class LiveStream {
     this.#open();
   }
 
-  /** Opens the stream and keeps it open while the page is seen; returns how to end it. */
+  /**
+   * Opens the stream and keeps it open while the page is visible; returns a function that ends it.
+   */
   run(): () => void {
     const onVisible = () => {
       if (document.hidden) this.#close();

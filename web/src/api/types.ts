@@ -1,4 +1,4 @@
-/** What the service says: the schemas of its OpenAPI document, by shorter names. */
+/** Schemas of the service's OpenAPI document, by shorter names. */
 
 import type { components } from './schema';
 
@@ -18,7 +18,7 @@ export type RobotState = Schemas['RobotState'];
 export type Standing = Schemas['Standing'];
 export type RobotRow = Schemas['RobotRow'];
 export type RobotStateUpdate = Schemas['RobotStateUpdate'];
-/** A robot's configuration, as it is sent: keys that have a default may be left out. */
+/** A robot's configuration as sent to the service: keys that have a default may be left out. */
 export type RobotConfig = Omit<Schemas['RobotConfig'], 'streams'> & {
   streams?: Partial<Schemas['RobotStreams']>;
 };

@@ -1,28 +1,30 @@
-/** Open proposals, the deployment freeze and the policy, as all pages see them. */
+/** Open proposals, the deployment freeze and the policy, as shared by all pages. */
 
 import { list, problemOf } from '../api/client';
 import { Reading } from '../api/reading.svelte';
 import type { PolicyInForce, Proposal, DeploymentFreeze } from '../api/types';
 import type { FleetListener } from '../fleet/listener';
 
-/** What waits is read again this often: whether it still holds is told by no event. */
+/**
+ * Interval at which open proposals are read again: no event reports that one has become outdated.
+ */
 const REREAD_EVERY_MS = 60_000;
-/** Changes that come together are read together. */
+/** Time over which changes are gathered before they are read together. */
 const GATHER_MS = 250;
 const WAITING_MAX = 5000;
 
 class Approvals {
-  /** Proposals that wait, newest first. */
+  /** Open proposals, newest first. */
   waiting = $state.raw<readonly Proposal[]>([]);
   loaded = $state<'loading' | 'ready' | 'failed'>('loading');
   problem = $state('');
   freeze = new Reading<DeploymentFreeze>(() => '/deployments/freeze');
   policy = new Reading<PolicyInForce>(() => '/policy');
-  /** Moves with every change of the life cycle that the service has told. */
+  /** Counter of the life cycle's changes received from the service. */
   changes = $state(0);
   #gathering: ReturnType<typeof setTimeout> | undefined;
 
-  /** Hears of changes. */
+  /** Receives changes from the event stream. */
   readonly listener: FleetListener = {
     approval: () => this.#later(),
     freeze: () => void this.freeze.load(),
@@ -34,7 +36,7 @@ class Approvals {
     },
   };
 
-  /** Starts reading; returns how to stop. */
+  /** Starts reading; returns a function that stops it. */
   run(): () => void {
     void this.load();
     void this.freeze.load();
@@ -46,7 +48,7 @@ class Approvals {
     };
   }
 
-  /** Reads what waits. */
+  /** Reads the open proposals. */
   async load(): Promise<void> {
     try {
       this.waiting = await list<Proposal>('/proposals', { state: 'proposed' }, WAITING_MAX);

@@ -1,24 +1,24 @@
-/** The present estimate beside a proposal: whether what is proposed still holds. */
+/** The current estimate beside a proposal: whether the proposed values still hold. */
 
 import { againstApplied } from '../fleet/comparison';
 import type { Proposal, Robot } from '../api/types';
 import { type Compared, compareValues, difference } from '../units/values';
 
 export interface Present {
-  /** What is proposed (`from`) and the estimate now (`to`), value by value. */
+  /** Proposed values (`from`) and the current estimate (`to`), value by value. */
   values: Compared[];
-  /** How many sigmas the value that has moved most is away. */
+  /** Distance of the value that has moved most, in sigmas. */
   sigmas: number;
-  /** Null while the estimate is not known, and nobody can say. */
+  /** True if the proposed values still hold; null while the estimate is unknown. */
   holds: boolean | null;
-  /** Whether a reported reassembly is open: nothing from before it holds. */
+  /** True if a reported reassembly is open: data from before it do not hold. */
   reassembled: boolean;
 }
 
 /**
- * Compares a proposal with its robot's estimate now; undefined without one, and for values that
- * nobody measured. Whether it holds is the service's word (`outdated`). The distance in sigmas is
- * only shown: the estimate now contains the data of the proposal, so the larger of the two sigmas
+ * Compares a proposal with its robot's current estimate; undefined without one, and for values that
+ * were not measured. The service decides if it holds (`outdated`). The distance in sigmas is only
+ * displayed: the current estimate contains the data of the proposal, so the larger of the two sigmas
  * bounds that of their difference.
  */
 export function presentOf(

@@ -1,25 +1,27 @@
-/** A decision on its way: approved, sent, applied, verified by driving. */
+/** Progress of a decision: approved, sent, applied, verified by driving. */
 
 import type { Deployment, DeploymentState, Robot } from '../api/types';
 import { DEPLOYMENTS } from './words';
 
-/** Where one step stands. */
+/** State of one step. */
 export type StepState = 'done' | 'now' | 'ahead' | 'failed';
 
 export interface Step {
   word: string;
   state: StepState;
-  /** When it was done. */
+  /** Time at which it was done. */
   at: string | null;
 }
 
-/** How far the verification has come: metres driven, and metres needed. */
+/** Progress of the verification: metres driven, and metres needed. */
 export interface Driven {
   driven_m: number | null;
   needed_m: number | null;
 }
 
-/** Steps that are behind in each state; what is left of an ended deployment is how it ended. */
+/**
+ * Number of completed steps in each state; the remaining step of an ended deployment is its end.
+ */
 const DONE: Record<DeploymentState, number> = {
   queued: 1,
   offered: 2,
@@ -38,7 +40,7 @@ const DONE: Record<DeploymentState, number> = {
 };
 const UNDER_WAY: readonly DeploymentState[] = ['queued', 'offered', 'applied', 'verifying'];
 
-/** `Verifying, 37 of 60 m`: how far the verification has come, as far as it is known. */
+/** `Verifying, 37 of 60 m`: progress of the verification, as far as it is known. */
 export function verifying({ driven_m, needed_m }: Driven): string {
   if (driven_m === null || needed_m === null) return 'Verifying';
   const driven = Math.min(Math.floor(driven_m), Math.floor(needed_m));
@@ -47,7 +49,7 @@ export function verifying({ driven_m, needed_m }: Driven): string {
     : `Verifying, ${driven_m.toFixed(0)} m driven, not yet certain`;
 }
 
-/** The steps of a deployment, in order. */
+/** Returns the steps of a deployment, in order. */
 export function stepsOf(deployment: Deployment, driven: Driven): Step[] {
   const { state, proposal, created, offered, applied, closed, verification } = deployment;
   const done = DONE[state] ?? 1;
@@ -76,7 +78,9 @@ export function stepsOf(deployment: Deployment, driven: Driven): Step[] {
   return [...steps.slice(0, done), end];
 }
 
-/** The same of a robot in a list, in a few words; empty when nothing is under way. */
+/**
+ * Returns the progress of a robot in a list, in a few words; empty while nothing is in progress.
+ */
 export function progressText(robot: Robot, needed_m: number | null): string {
   const { deployment } = robot.calibration;
   if (deployment === 'queued') return 'Queued for sending';

@@ -1,4 +1,4 @@
-/** A proposal as people decide on it. */
+/** Properties of a proposal on which people base a decision. */
 
 import type { ParameterName, Proposal, Tolerance, Values } from '../api/types';
 import { faceOf } from '../ui/face';
@@ -7,18 +7,18 @@ import { CALIBRATED } from '../units/parameters';
 import { type Compared, compareBeside, compareValues } from '../units/values';
 import { PROPOSALS, proposer } from './words';
 
-/** What it changes, value by value. */
+/** Returns the changes of a proposal, value by value. */
 export function changesOf(proposal: Proposal, tolerance: Tolerance | undefined): Compared[] {
   const { values, sigmas } = proposal.revision;
   return compareValues(proposal.base, values, sigmas, tolerance);
 }
 
-/** What goes along with that and would change: scales, a delay, the wheelbase. */
+/** Returns the changes of the other values that it includes: scales, a delay, the wheelbase. */
 export function besideOf({ base, revision }: Proposal): Compared[] {
   return compareBeside(base, revision.values, revision.sigmas);
 }
 
-/** What it rests on, in a few words. */
+/** Returns a summary of its evidence, in a few words. */
 export function evidenceOf({ revision }: Proposal): string {
   const { evidence, origin } = revision;
   if (!evidence) return origin === 'person' ? 'none: entered manually' : 'none';
@@ -26,19 +26,19 @@ export function evidenceOf({ revision }: Proposal): string {
   return `${formatDistance(evidence.distance_m)} in ${formatSpan(span_ms)}`;
 }
 
-/** Whether `name` has agreed to it already. */
+/** True if `name` has approved it already. */
 export function hasAgreed({ approvals }: Proposal, name: string): boolean {
   return approvals.some(({ by }) => by === name);
 }
 
-/** Why `name` cannot approve it, in a sentence; empty when nothing speaks against it. */
+/** Returns the reason why `name` cannot approve it, in a sentence; empty if `name` can. */
 export function whyNotMine(proposal: Proposal, name: string): string {
   if (proposal.proposed_by === name) return 'You proposed this: somebody else has to approve it.';
   if (hasAgreed(proposal, name)) return 'You approved. One more approval is needed.';
   return '';
 }
 
-/** The proposals that stand in the list as they were chosen; those that changed drop out. */
+/** Returns the listed proposals at their selected versions; those that changed are removed. */
 export function stillChosen(
   waiting: readonly Proposal[],
   chosen: ReadonlyMap<number, number>,
@@ -46,12 +46,12 @@ export function stillChosen(
   return waiting.filter(({ id, version }) => chosen.get(id) === version);
 }
 
-/** How much of the evidence's length is shown before and after it. */
+/** Margin shown before and after the evidence, as a fraction of its length. */
 const MARGIN = 0.25;
-/** What is shown around a proposal that rests on nothing measured. */
+/** Time shown around a proposal without measured evidence. */
 const BARE_S = 1800;
 
-/** The stretch of the robot's history that belongs to it, s since 1970. */
+/** Returns the stretch of the robot's history that belongs to it, s since 1970. */
 export function around({ revision, created }: Proposal): { from_s: number; to_s: number } {
   const created_s = Date.parse(created) / 1000;
   const { evidence } = revision;
@@ -63,8 +63,8 @@ export function around({ revision, created }: Proposal): { from_s: number; to_s:
 }
 
 /**
- * How many people have to approve it by the policy in force: never fewer than it was proposed with.
- * `in_use` are the values that the robot uses now.
+ * Returns the number of approvals that it needs by the policy in force: at least the number it was
+ * proposed with. `in_use` are the values in use by the robot.
  */
 export function approvalsNeeded(
   proposal: Proposal,
@@ -77,7 +77,7 @@ export function approvalsNeeded(
   return Math.max(proposal.approvals_needed, large ? 2 : 1);
 }
 
-/** What was done about it last, in a sentence without its full stop: `approved by ada`. */
+/** Returns the last action on it, in a sentence without its full stop: `approved by ada`. */
 export function lastDone({ state, approvals, approvals_needed, closing }: Proposal): string {
   const last = closing ?? approvals.at(-1);
   const by = last ? ` by ${proposer(last.by)}` : '';
@@ -87,31 +87,34 @@ export function lastDone({ state, approvals, approvals_needed, closing }: Propos
   return `awaiting approval, with ${given}, the last${by}`;
 }
 
-/** When it was decided, or when it was proposed as long as it is not: ms since 1970. */
+/** Returns the time of its decision, or of its proposal while it is open: ms since 1970. */
 function decidedAt_ms({ closing, approvals, created }: Proposal): number {
   return Date.parse((closing ?? approvals.at(-1))?.at ?? created);
 }
 
-/** Proposals that were decided, the one that was decided last first. */
+/** Returns the decided proposals, the most recent decision first. */
 export function decidedOf(proposals: readonly Proposal[]): Proposal[] {
   const decided = proposals.filter(({ state }) => state !== 'proposed');
   return decided.toSorted((a, b) => decidedAt_ms(b) - decidedAt_ms(a) || b.id - a.id);
 }
 
-/** Proposals for robots of which nobody knows what they use: how much they change is not known. */
+/**
+ * Returns the proposals for robots whose calibration in use is unknown: so is the size of their
+ * change.
+ */
 export function withoutBase(proposals: readonly Proposal[]): Proposal[] {
   return proposals.filter(({ base }) => base == null);
 }
 
-/** The largest change of one parameter among several proposals. */
+/** Largest change of one parameter among several proposals. */
 export interface Largest {
   name: ParameterName;
-  /** In its wire unit. */
+  /** Change in the wire unit. */
   change: number;
   robot: string;
 }
 
-/** For each parameter the proposal that changes it most. */
+/** Returns for each parameter the proposal that changes it most. */
 export function largestOf(proposals: readonly Proposal[]): Largest[] {
   return CALIBRATED.flatMap((name) => {
     let largest: Largest | undefined;

@@ -1,9 +1,9 @@
-/** Where a proposal and a deployment stand, in words and shapes. */
+/** Words and shapes for the states of proposals and deployments. */
 
 import type { DeploymentState, ProposalState, SecondApprover } from '../api/types';
 import type { Face } from '../ui/face';
 
-/** Why two people have to approve a proposal. */
+/** Reasons why two people have to approve a proposal. */
 export const SECOND: Record<SecondApprover, string> = {
   beyond: 'the change is beyond the limit for one',
   vehicle: 'a scale, the wheelbase or the time offset changes by much',
@@ -142,7 +142,7 @@ export const DEPLOYMENTS: Record<DeploymentState, Face> = {
   },
 };
 
-/** Who proposed, in words: `fleetcal` is the service itself. */
+/** Returns the proposer in words: `fleetcal` is the service itself. */
 export function proposer(name: string): string {
   return name === 'fleetcal' ? 'the estimator' : name;
 }

@@ -2,7 +2,7 @@ import { describe, expect, it } from 'vitest';
 import { EVENTS } from '../settings/events';
 import { ACTIONS } from './actions';
 
-/** The service's source, its tests apart, by path. */
+/** The service's source without its tests, by path. */
 const SOURCE = import.meta.glob<string>(
   [
     '../../../service/**/src/**/*.rs',

@@ -1,4 +1,4 @@
-/** What the audit can hold: every action, as the service names it. A test compares its source. */
+/** Actions that the audit can contain, named as by the service. A test compares its source. */
 
 export const ACTIONS = [
   'alert.acknowledge',

@@ -1,11 +1,11 @@
-/** The filter of the audit, as it stands in the address and as the API takes it. */
+/** Filter of the audit, in the page's address and in the API's query. */
 
 /** Parameters that the page and the API name alike. */
 const PLAIN = ['robot', 'actor', 'action'] as const;
-/** Times: local in the address, as their fields have them. */
+/** Times: local in the address, in the format of their fields. */
 const TIMES = ['from', 'to'] as const;
 
-/** The query for the API out of the page's; what is empty or no time is left out. */
+/** Converts the page's query to that of the API; omits empty parameters and invalid times. */
 export function queryOf(page: URLSearchParams): string {
   const query = new URLSearchParams();
   for (const name of PLAIN) {
@@ -19,7 +19,9 @@ export function queryOf(page: URLSearchParams): string {
   return query.toString();
 }
 
-/** What differs between a record before and after: top-level fields, in words for a line each. */
+/**
+ * Returns the differences of a record before and after: top-level fields, one line of text each.
+ */
 export function differences(
   before: unknown,
   after: unknown,

@@ -1,9 +1,9 @@
-/** A robot's estimate beside what it applies. */
+/** Comparison of a robot's estimate with the applied calibration. */
 
 import type { Robot, Tolerance, Values } from '../api/types';
 import { type Compared, compareValues } from '../units/values';
 
-/** Value by value; undefined while there is no estimate. */
+/** Compares value by value; undefined while there is no estimate. */
 export function againstApplied(
   { estimate, calibration }: Robot,
   tolerance: Tolerance | undefined,

@@ -1,10 +1,10 @@
-/** Whether a robot is heard: apart from how its calibration stands. */
+/** Connection of a robot, apart from the standing of its calibration. */
 
 import type { Robot } from '../api/types';
 import type { Face, Tone } from '../ui/face';
 import { formatTime } from '../units/format';
 
-/** What is said of a robot's connection. */
+/** Connection of a robot, as displayed. */
 export type Connection = 'online' | 'silent' | 'maintenance';
 
 type Heard = Pick<Robot, 'stale' | 'state' | 'connection'>;
@@ -30,28 +30,28 @@ export const CONNECTIONS: Record<Connection, Face> = {
   },
 };
 
-/** What is known of a robot in maintenance beside that. */
+/** Words for the connection of a robot in maintenance. */
 const CONNECTED: Record<Connection, string> = {
   online: 'The robot sends data.',
   silent: 'The robot sends nothing.',
   maintenance: 'The robot sends nothing, and raises no alert for that.',
 };
 
-/** The maintenance that a robot is in at `now_ms`. */
+/** Returns the maintenance that a robot is in at `now_ms`. */
 export function maintenanceOf({ connection }: Heard, now_ms: number) {
   const { maintenance } = connection;
   return maintenance && Date.parse(maintenance.until) > now_ms ? maintenance : undefined;
 }
 
-/** How a robot is heard at `now_ms`. */
+/** Returns the connection of a robot at `now_ms`. */
 export function connectionOf(robot: Heard, now_ms: number): Connection {
   if (!robot.stale && robot.state !== 'no_data') return 'online';
   return maintenanceOf(robot, now_ms) ? 'maintenance' : 'silent';
 }
 
 /**
- * How a robot is heard, as a face: with its maintenance, also while it drives, and of a silent one
- * whether it is still connected.
+ * Returns the face of a robot's connection: with its maintenance, also while it drives, and for a
+ * silent robot whether it is still connected.
  */
 export function connectionFace(robot: Heard & Pick<Robot, 'alive'>, now_ms: number): Face {
   const connection = connectionOf(robot, now_ms);
@@ -73,14 +73,14 @@ const LAST_KNOWN: Record<Exclude<Connection, 'online'>, string> = {
 };
 
 /**
- * The tone of what is shown of a robot: nothing of one that sends nothing looks well or under way,
- * since nobody knows whether it still is.
+ * Returns the tone of a robot's values: for a silent robot never a healthy one or one in progress,
+ * since its present state is unknown.
  */
 export function toneOf(tone: Tone, connection: Connection): Tone {
   return connection === 'online' || tone === 'bad' || tone === 'warn' ? tone : 'quiet';
 }
 
-/** A state of a robot as it is shown; of one that sends nothing it is the last known. */
+/** Returns the displayed state of a robot; for a silent one it is the last known. */
 export function lastKnown(face: Face, connection: Connection): Face {
   if (connection === 'online' || face.tone === 'bad' || face.tone === 'warn') return face;
   return {

@@ -10,7 +10,7 @@ const values = (lidar_x_m: number) => ({
   lidar_yaw_rad: 0,
 });
 const tolerance = { steering_offset_deg: 0.15, lidar_yaw_deg: 0.15, lidar_position_mm: 10 };
-/** The LiDAR is 30 mm from where it was thought to be, all week. */
+/** A week in which the LiDAR is 30 mm from its assumed place. */
 const history = {
   time: ['2026-01-01T00:00:00Z', '2026-01-02T00:00:00Z', '2026-01-03T00:00:00Z'],
   series: [

@@ -1,4 +1,4 @@
-/** How far a robot's estimate was from what it used at the time. */
+/** Deviation of a robot's estimate from the calibration in use at the time. */
 
 import type { HistoryDocument, Robot, Tolerance, Values } from '../api/types';
 import type { AppliedStep } from '../robot/applied';
@@ -7,8 +7,9 @@ import { accepted, type Calibrated, difference, valueOf } from '../units/values'
 import { againstApplied } from './comparison';
 
 /**
- * What a robot used at a time. Without steps nothing was ever deployed, and it used `in_use` all
- * along; before the first step it used its factory values, if that is what the step is about.
+ * Returns the calibration in use by a robot at a time. Without steps nothing was ever deployed, and
+ * it is `in_use` throughout; before the first step these are the factory values, if the step
+ * records them.
  */
 export function usedAt(
   steps: readonly AppliedStep[],
@@ -22,8 +23,8 @@ export function usedAt(
 }
 
 /**
- * How far each point was from what the robot used then, in tolerances: of the four values the one
- * that was furthest. Null where nothing was known.
+ * Returns the deviation of each point from the calibration in use then, in tolerances: the largest
+ * of the four values. Null at times without a known calibration.
  */
 export function deviations(
   history: Pick<HistoryDocument, 'time' | 'series'>,
@@ -46,32 +47,31 @@ export function deviations(
   });
 }
 
-/** Where the scale of bars and sparklines ends, tolerances: what is farther off ends there too. */
+/** End of the scale of bars and sparklines, tolerances. */
 const SCALE_END = 15;
 
 /**
- * How far along that scale a deviation lies, 0 to 1. All bars and lines share it, so that they can
- * be compared; it is a logarithm, so that a slow drift shows beside a knock.
+ * Returns the place of a deviation on that scale, 0 to 1. All bars and lines share it, so that they
+ * can be compared; it is a logarithm, so that a slow drift shows beside a knock.
  */
 export function along(tolerances: number): number {
   return Math.min(1, Math.log1p(tolerances) / Math.log1p(SCALE_END));
 }
 
-/** How far a robot's estimate is from what it uses, in tolerances. */
+/** Deviation of a robot's estimate from the calibration in use, in tolerances. */
 export interface Deviation {
-  /** Value by value, in the order of {@link CALIBRATED}; null where one is not known. */
+  /** Size for each value, in the order of {@link CALIBRATED}; null for one that is not known. */
   each: (number | null)[];
-  /** That of the value which is farthest; null while none is known. */
+  /** Largest of these; null while none is known. */
   worst: number | null;
-  /** Which value that is. */
+  /** Name of that value. */
   name: Calibrated | null;
 }
 
 /**
- * How far each value of a robot's estimate is from what it uses, in tolerances with its sign; null
- * for one that is not converged or has nothing to compare with. The service has no such figure in
- * its answers: this is the pages' own, out of the served estimate, values in use and tolerance
- * (`propose_beyond`).
+ * Returns the signed deviation of each value from the calibration in use, in tolerances; null for a
+ * value that is not converged or has nothing to compare with. The API has no such figure: it is the
+ * pages' own, computed from the estimate, the values in use and the tolerance (`propose_beyond`).
  */
 export function tolerancesOff(robot: Robot, tolerance: Tolerance | undefined): (number | null)[] {
   const compared = againstApplied(robot, tolerance);
@@ -82,7 +82,7 @@ export function tolerancesOff(robot: Robot, tolerance: Tolerance | undefined): (
   });
 }
 
-/** The deviation of a robot now. */
+/** Returns the present deviation of a robot. */
 export function deviationOf(robot: Robot, tolerance: Tolerance | undefined): Deviation {
   const each = tolerancesOff(robot, tolerance).map((one) => one && Math.abs(one));
   const worst = Math.max(-1, ...each.map((one) => one ?? -1));

@@ -1,4 +1,4 @@
-/** The fleet as the pages see it: read once, then kept up by the event stream. */
+/** The fleet as shared by all pages: read once, then updated by the event stream. */
 
 import { get, list, problemOf } from '../api/client';
 import { LiveStream } from '../api/stream.svelte';
@@ -9,27 +9,29 @@ import { CALIBRATED } from '../units/parameters';
 import { connectionOf, maintenanceOf } from './connection';
 import type { FleetListener } from './listener';
 
-/** Updates are shown together this often, however many robots send. */
+/** Interval at which updates are displayed together, however many robots send. */
 const SHOW_EVERY_MS = 500;
-/** The fleet's page reads the whole fleet again this often, for what the stream does not carry. */
+/**
+ * Interval at which the fleet page reads the whole fleet again, for data absent from the stream.
+ */
 const REREAD_EVERY_MS = 60_000;
-/** No event carries what an unregistered robot sends, so those shown are read again this often. */
+/** Interval at which displayed unregistered robots are read again: no event carries their data. */
 const UNREGISTERED_EVERY_MS = 2_000;
 const ROBOTS_MAX = 100_000;
-/** Above so many robots whose approval changed at once, the whole fleet is read instead. */
+/** Number of robots with a simultaneous change of approval above which the whole fleet is read. */
 const SINGLE_READS_MAX = 8;
-/** Pages are read without the event stream when it has not opened after this time. */
+/** Time after which pages are read although the event stream has not opened. */
 const OPEN_WITHIN_MS = 1_500;
 
-/** One robot. What changes is a single value, so only its own row is worked over. */
+/** One robot. A change affects a single value, so only its own row is computed again. */
 export class RobotEntry {
   readonly id: string;
   robot = $state.raw() as Robot;
-  /** Whether it is heard, of its own so that lists are only sorted again when it changes. */
+  /** Connection, derived separately so that lists are only sorted again when it changes. */
   readonly connection = $derived(connectionOf(this.robot, now.ms));
-  /** Whether it is in maintenance, also while it drives. */
+  /** True if the robot is in maintenance, also while it drives. */
   readonly maintained = $derived(maintenanceOf(this.robot, now.ms) !== undefined);
-  /** Of its own, so that lists are only sorted again when it changes. */
+  /** Standing, derived separately so that lists are only sorted again when it changes. */
   readonly standing = $derived(this.robot.standing);
 
   constructor(robot: Robot) {
@@ -38,7 +40,7 @@ export class RobotEntry {
   }
 }
 
-/** What is heard of the event stream. */
+/** Names of the received events. */
 const NAMES: readonly LiveEvent['event'][] = [
   'resync',
   'estimate',
@@ -50,10 +52,10 @@ const NAMES: readonly LiveEvent['event'][] = [
   'freeze',
   'policy',
 ];
-/** What every page shows: its bar counts alerts and approvals, and says when deployments are frozen. */
+/** Topics of every page: its bar counts alerts and approvals, and shows a deployment freeze. */
 const EVERYWHERE = ['alerts', 'approvals', 'deployments'];
 
-/** The topics of what a page shows; `robot` is the one that it is about, where it is about one. */
+/** Returns the topics of a page; `robot` is its robot, on a page about one. */
 export function topicsOf(page: Route['page'], robot: string | undefined): string[] {
   if (page === 'fleet') return ['fleet', ...EVERYWHERE];
   return robot === undefined ? EVERYWHERE : [`robot:${robot}`, ...EVERYWHERE];
@@ -62,21 +64,21 @@ export function topicsOf(page: Route['page'], robot: string | undefined): string
 export type Loaded = 'loading' | 'ready' | 'failed';
 
 class Fleet {
-  /** Every robot by id. The map is replaced when a robot comes or goes. */
+  /** Robots by id. The map is replaced when a robot is added or removed. */
   entries = $state.raw<ReadonlyMap<string, RobotEntry>>(new Map());
   loaded = $state<Loaded>('loading');
-  /** Why the fleet could not be read, in a sentence. */
+  /** Reason why the fleet could not be read, in a sentence. */
   problem = $state('');
-  /** When the service last said anything. */
+  /** Time of the service's last event or answer. */
   heard_ms = $state(0);
   /**
-   * Whether the event stream has opened, or failed to. What a page reads before, it would have to
-   * read again then, since something may have changed in between.
+   * True if the event stream has opened or failed to. Documents read before that would have to be
+   * read again, since they may have changed in between.
    */
   opened = $state(false);
   stream: LiveStream;
 
-  /** The robot that a page is about whose address does not say it. */
+  /** The robot of a page whose address does not contain it. */
   about = $state<string>();
 
   #topics: readonly string[] = EVERYWHERE;
@@ -100,7 +102,7 @@ class Fleet {
     });
   }
 
-  /** Starts reading and listening; returns how to stop. */
+  /** Starts reading and listening; returns a function that stops both. */
   run(): () => void {
     const stop = this.stream.run();
     const open = setTimeout(() => (this.opened = true), OPEN_WITHIN_MS);
@@ -119,31 +121,31 @@ class Fleet {
     };
   }
 
-  /** Listens from now on to what is shown. */
+  /** Subscribes to the topics of the page from now on. */
   follow(topics: readonly string[]): void {
     this.#topics = topics;
     this.stream.follow(topics);
   }
 
-  /** Whether the page shows every robot. */
+  /** True if the page shows every robot. */
   #showsAll(): boolean {
     return this.#topics.includes('fleet');
   }
 
-  /** What the topics before did not carry is read. */
+  /** Reads the documents that the former topics did not cover. */
   #changedTopics(): void {
     if (this.#showsAll()) void this.load();
     else if (this.about !== undefined) this.#read(this.about);
   }
 
-  /** The stream has begun, or has lost something: everything is read again. */
+  /** Reads everything again after the stream has begun or has lost something. */
   #resync(): void {
     void this.load();
     for (const listener of this.#listeners) listener.resync?.();
     this.opened = true;
   }
 
-  /** Calls `listener` with everything that arrives; returns how to stop. */
+  /** Calls `listener` with every event that arrives; returns a function that stops it. */
   listen(listener: FleetListener): () => void {
     this.#listeners.add(listener);
     return () => this.#listeners.delete(listener);
@@ -172,7 +174,7 @@ class Fleet {
     }
   }
 
-  /** Takes what was read about one robot, which may be new. */
+  /** Stores the document of a robot, which may be new. */
   put(robot: Robot): void {
     const { id } = robot;
     const entry = this.entries.get(id);
@@ -212,7 +214,7 @@ class Fleet {
     }
   }
 
-  /** Reads again where a calibration stands, of the robots where that has changed. */
+  /** Reads the robots again whose approval has changed. */
   #readApproved(): void {
     const changed = [...this.#approvals];
     this.#approvals.clear();
@@ -222,7 +224,7 @@ class Fleet {
     else if (this.about !== undefined && changed.includes(this.about)) this.#read(this.about);
   }
 
-  /** Reads the next unregistered robots again: what they send, and how often. */
+  /** Reads the next unregistered robots again: their streams and rates. */
   #readUnregistered(): void {
     const shown = [...this.entries.values()].filter(
       ({ id, robot }) => robot.state === 'unregistered' && (this.#showsAll() || this.about === id),
@@ -232,7 +234,7 @@ class Fleet {
     this.#unregisteredRead = from + SINGLE_READS_MAX;
   }
 
-  /** Shows what has come since the last time. */
+  /** Displays the updates received since the last time. */
   #show(): void {
     this.#readApproved();
     if (this.#estimates.size + this.#rows.size + this.#states.size === 0) return;
@@ -261,19 +263,19 @@ class Fleet {
     this.#states.clear();
   }
 
-  /** The entry of a robot; one that is not there yet is read. */
+  /** Returns the entry of a robot; reads one that is missing. */
   #entry(id: string): RobotEntry | undefined {
     const entry = this.entries.get(id);
     if (!entry) this.#read(id);
     return entry;
   }
 
-  /** Reads one robot again, for what the stream does not carry. */
+  /** Reads one robot again, for data absent from the stream. */
   refresh(id: string): void {
     this.#read(id);
   }
 
-  /** Reads one robot, unless that is under way. */
+  /** Reads one robot, unless that reading is in progress. */
   #read(id: string): void {
     if (this.#underWay.has(id)) return;
     this.#underWay.add(id);
@@ -286,8 +288,8 @@ class Fleet {
 }
 
 /**
- * A robot with a newer estimate. What it has driven since the last goes for its verification too,
- * which is only read now and then.
+ * Returns a robot with a newer estimate. The distance driven since the last one counts for its
+ * verification too, which is read less often.
  */
 export function withEstimate(robot: Robot, estimate: Estimate): Robot {
   const before_m = robot.estimate?.distance_m;
@@ -297,7 +299,9 @@ export function withEstimate(robot: Robot, estimate: Estimate): Robot {
   return { ...robot, estimate, verification_distance_m: verified_m + driven_m };
 }
 
-/** A robot with what its row says; undefined for one whose first estimate has to be read. */
+/**
+ * Returns a robot with the data of its row; undefined for one whose first estimate has to be read.
+ */
 export function withRow(robot: Robot, row: RobotRow): Robot | undefined {
   const { estimate } = robot;
   if (!estimate) return undefined;
@@ -318,7 +322,7 @@ export function withRow(robot: Robot, row: RobotRow): Robot | undefined {
   );
 }
 
-/** The address of a robot in the API. */
+/** Returns the address of a robot in the API. */
 export function robotUrl(id: string): string {
   return `/robots/${encodeURIComponent(id)}`;
 }

@@ -1,18 +1,18 @@
-/** What the event stream tells those who listen to it. */
+/** Events that the stream delivers to its listeners. */
 
 import type { Alert, Estimate, RobotEvent } from '../api/types';
 
-/** What a page may want to hear as it comes, before it is shown. */
+/** Listener of events on their arrival, before they are displayed. */
 export interface FleetListener {
   estimate?(estimate: Estimate): void;
   event?(event: RobotEvent): void;
-  /** Something has changed about what a robot should use. */
+  /** Called when the approval of a robot's calibration has changed. */
   approval?(robot: string): void;
   alert?(alert: Alert): void;
-  /** The deployment freeze began or ended. */
+  /** Called when the deployment freeze began or ended. */
   freeze?(): void;
-  /** The approval policy changed. */
+  /** Called when the approval policy changed. */
   policy?(): void;
-  /** Something may have been missed. */
+  /** Called when events may have been missed. */
   resync?(): void;
 }

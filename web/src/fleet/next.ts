@@ -1,4 +1,4 @@
-/** What has to be done next about a robot, and by whom. */
+/** The next step for a robot, and the person responsible for it. */
 
 import type { Robot, Standing } from '../api/types';
 import { proposalPath, robotPath } from '../routes.svelte';
@@ -6,23 +6,23 @@ import { SHOWN } from '../units/parameters';
 import { needs } from './list';
 import { needsPerson } from './standing';
 
-/** Who reads it. */
+/** Reader of the page. */
 export interface Reader {
   operator: boolean;
   approver: boolean;
-  /** Whether the open proposal waits for somebody else: the reader made it or has approved it. */
+  /** True if the open proposal needs somebody else: the reader made it or has approved it. */
   approved: boolean;
 }
 
-/** A step; with the address of the page that it is about, where the reader has something to see. */
+/** A step, with the address of its page if it has one for the reader. */
 export interface Next {
   text: string;
   href: string | null;
-  /** All of it, where the text is shorter. */
+  /** Full text, if `text` is shorter. */
   title: string;
 }
 
-/** What a robot asks for whose parameters still need motion: an operator's or a driver's task. */
+/** Motion required by parameters that still need it: a task of an operator or driver. */
 const ASKED: Partial<Record<Standing, string>> = {
   rollback_failed: 'Stop the robot and check it',
   verification_failed: 'Check the mount, then roll back or propose again',
@@ -33,7 +33,7 @@ const ASKED: Partial<Record<Standing, string>> = {
   fault: 'Check the sensor',
 };
 
-/** The next step for `robot`, or null. A robot that needs a person always has one. */
+/** Returns the next step for `robot`, or null. A robot that needs a person always has one. */
 export function nextStep(
   robot: Robot,
   standing: Standing,

@@ -1,16 +1,16 @@
-/** Whose numbers stand beside the list of robots; the address says so. */
+/** Robot whose numbers are shown beside the list; the address has it. */
 
 import { place, withQuery } from '../routes.svelte';
 
 class Peek {
   id = $derived(place.url.searchParams.get('robot'));
 
-  /** Shows those of a robot, or none. The browser's history keeps no step of it. */
+  /** Shows the numbers of a robot, or of none, without a step in the browser's history. */
   show(id: string | null): void {
     place.go(withQuery(place.url, { robot: id }), true);
   }
 
-  /** Hides them, and goes back to the button that showed them. */
+  /** Hides the numbers, and focuses the button that showed them. */
   close(): void {
     const { id } = this;
     this.show(null);

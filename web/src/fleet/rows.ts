@@ -1,13 +1,16 @@
-/** Which rows of a long table are in view. */
+/** Visible rows of a long table. */
 
-/** The height of every row, its line included. */
+/** Height of every row, including its line. */
 export const ROW_HEIGHT_PX = 51;
-/** Rows that are there beyond the view's edges, for the next scroll and for the Tab key. */
+/** Number of rows rendered beyond the view's edges, for the next scroll and for the Tab key. */
 const BEYOND = 8;
-/** The view begins and ends at a multiple of this, so that a scrolled line changes nothing. */
+/** Granularity of the view's first and last row, so that scrolling by a line changes nothing. */
 const STEP = 4;
 
-/** The first row in view, and the one after the last; `scrolled_px` is how far into the rows. */
+/**
+ * Returns the first visible row, and the one after the last; `scrolled_px` is the offset into the
+ * rows.
+ */
 export function rowsInView(
   rows: number,
   scrolled_px: number,

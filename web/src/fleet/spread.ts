@@ -1,20 +1,20 @@
-/** Where the deviations of many robots lie beside each other. */
+/** Spread of the deviations of many robots. */
 
 import { along } from './deviation';
 
-/** A robot's place in a drawing: from the middle, as a share of its half, and its row. */
+/** Place of a robot in the drawing: distance from the middle, as a share of its half, and row. */
 export interface Dot {
   at: number;
   row: number;
   beyond: boolean;
 }
 
-/** Dots nearer than this would cover each other, as a share of the half. */
+/** Width of a dot, as a share of the half: nearer ones are stacked. */
 const APART = 0.055;
-/** Dots on top of each other at most: what is more lies in the last row. */
+/** Limit of rows: more dots share the last one. */
 const ROWS_MAX = 5;
 
-/** A dot for each deviation that is known, signed and in tolerances; those of one place are stacked. */
+/** Returns a dot for each known deviation, signed and in tolerances; those of one place are stacked. */
 export function dotsOf(signed: readonly (number | null)[]): Dot[] {
   const taken = new Map<number, number>();
   return signed.flatMap((value) => {
@@ -27,7 +27,7 @@ export function dotsOf(signed: readonly (number | null)[]): Dot[] {
   });
 }
 
-/** What is said of a spread: how many are beyond the tolerance, of how many, and the median. */
+/** Returns how many deviations are known, how many are beyond the tolerance, and the median. */
 export function summaryOf(signed: readonly (number | null)[]) {
   const known = signed.filter((value) => value !== null).toSorted((a, b) => a - b);
   const beyond = known.filter((value) => Math.abs(value) > 1).length;

@@ -1,9 +1,9 @@
-/** The words and shapes of how a robot stands, which the service works out (`Standing`). */
+/** Words and shapes of a robot's standing, which the service computes (`Standing`). */
 
 import type { Standing } from '../api/types';
 import { type Face, faceOf } from '../ui/face';
 
-/** All of them, the one that needs a person most first. */
+/** Faces of all standings, the one that needs a person most first. */
 export const STANDINGS: Record<Standing, Face> = {
   rollback_failed: {
     word: 'Rollback failed',
@@ -117,13 +117,13 @@ export const STANDINGS: Record<Standing, Face> = {
 
 export const BY_URGENCY = Object.keys(STANDINGS) as Standing[];
 
-/** Standings that ask for a person. */
+/** True for standings that need a person. */
 export function needsPerson(standing: Standing): boolean {
   const { tone } = faceOf(STANDINGS, standing);
   return tone === 'bad' || tone === 'warn';
 }
 
-/** How urgent a standing is: 0 first. One that this page does not know yet comes before. */
+/** Returns the urgency of a standing, 0 first. One unknown to this page comes before all others. */
 export function urgency(standing: Standing): number {
   return BY_URGENCY.indexOf(standing);
 }

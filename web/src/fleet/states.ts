@@ -1,4 +1,4 @@
-/** The states of a parameter: their words and shapes. */
+/** Words and shapes for the states of a parameter. */
 
 import type { ParameterStatus } from '../api/types';
 import type { Face } from '../ui/face';

@@ -1,4 +1,4 @@
-/** A robot's past week, read when its row comes into view. */
+/** A robot's past week, read when its row becomes visible. */
 
 import { get } from '../api/client';
 import type { DeploymentPage, HistoryDocument, Robot, Shadow } from '../api/types';
@@ -8,24 +8,26 @@ import { CALIBRATED } from '../units/parameters';
 import { robotUrl } from './fleet.svelte';
 
 const WEEK_S = 7 * 86_400;
-/** A robot that is newer than that is shown over this span instead. */
+/** Span shown instead of a week for a robot whose history is too short, s. */
 const YOUNG_S = 3 * 3600;
 const POINTS_MAX = 168;
 const POINTS_MIN = 3;
-/** A week that was read is read again after this long. */
+/** Age at which a week is read again. */
 const FRESH_MS = 10 * 60_000;
-/** A span of minutes moves faster. */
+/** Age at which a shorter span is read again. */
 const FRESH_YOUNG_MS = 30_000;
-/** So many are read at once: a fleet's rows must not keep the page's other requests waiting. */
+/**
+ * Number of simultaneous readings: the rows of a fleet must not delay the page's other requests.
+ */
 const READS_MAX = 2;
-/** Deployments of a week; an older one counts by what the next began from. */
+/** Number of deployments read for a week; an older one is known from the base of the next. */
 const DEPLOYMENTS_MAX = 20;
-/** Rows this far out of view are read already. */
+/** Distance from the view within which rows are read in advance. */
 const MARGIN = '200px';
 
 export class Week {
   history = $state.raw<HistoryDocument>();
-  /** What the robot used when; empty for one that never had a deployment. */
+  /** Applied calibrations over time; empty for a robot without deployments. */
   applied = $state.raw<readonly AppliedStep[]>([]);
   read_ms = 0;
   asked = false;
@@ -39,8 +41,8 @@ export class Week {
 }
 
 /**
- * The span of every line, s: a week as soon as one of the robots has been there for longer than the
- * shorter span, so that lines below each other are of the same time.
+ * Span of every line, s: a week as soon as one of the robots is older than the shorter span, so that
+ * all lines cover the same time.
  */
 class Span {
   s = $state(YOUNG_S);
@@ -57,7 +59,7 @@ const rows = new WeakMap<Element, { week: Week; robot: Robot }>();
 const queue: { week: Week; robot: Robot }[] = [];
 let reads = 0;
 
-/** The week of a robot, which may still have to be read. */
+/** Returns the week of a robot, which may still have to be read. */
 export function weekOf(id: string): Week {
   const week = weeks.get(id) ?? new Week();
   weeks.set(id, week);
@@ -118,7 +120,7 @@ function want(row: { week: Week; robot: Robot }): void {
 }
 
 let observer: IntersectionObserver | undefined;
-/** Rows in view: their weeks are read again while they stay there. */
+/** Visible rows, whose weeks are read again. */
 const seen = new Set<Element>();
 let again: ReturnType<typeof setInterval> | undefined;
 
@@ -151,7 +153,7 @@ function observe(element: Element): void {
   observer.observe(element);
 }
 
-/** Has the week of `robot` read while its element is in view. */
+/** Reads the week of `robot` while its element is visible. */
 export function whenSeen(
   element: Element,
   robot: Robot,

@@ -1,12 +1,12 @@
-/** How an instance of the service does, in words and shapes. */
+/** Words and shapes for the health of an instance of the service. */
 
 import type { Cluster, Instance } from '../api/types';
 import type { Face } from '../ui/face';
 import { signed } from '../units/format';
 
-/** A clock that is further from the database's raises an alert, s. */
+/** Clock offset from the database's beyond which an alert is raised, s. */
 const CLOCK_WARNED_BEYOND_S = 1;
-/** An instance whose clock is further from the database's gives up its robots, s. */
+/** Clock offset from the database's beyond which an instance releases its robots, s. */
 const CLOCK_USED_UP_TO_S = 10;
 
 const FACES = {
@@ -42,7 +42,7 @@ const FACES = {
   },
 } satisfies Record<string, Face>;
 
-/** How an instance stands: the worst that is so. */
+/** Returns the face of an instance: its worst condition. */
 export function instanceFace(
   instance: Pick<Instance, 'lease_left_s' | 'linked' | 'draining' | 'clock_ahead_s'>,
 ): Face {
@@ -52,7 +52,7 @@ export function instanceFace(
   return instance.draining ? FACES.draining : FACES.serving;
 }
 
-/** What of an instance asks for a person, each in some words. */
+/** Returns the conditions of an instance that need a person, each in a few words. */
 export function concerns(
   instance: Pick<Instance, 'clock_ahead_s' | 'config_differs' | 'unheard'>,
 ): string[] {
@@ -63,18 +63,18 @@ export function concerns(
   ];
 }
 
-/** By how much a clock is ahead of the database's: `+0.012`, in seconds. */
+/** Returns the offset of a clock ahead of the database's: `+0.012`, in seconds. */
 export function clockAhead(instance: Pick<Instance, 'clock_ahead_s'>): string {
   return signed(instance.clock_ahead_s, 3);
 }
 
-/** What an instance does for all. */
+/** Returns the cluster duties of an instance. */
 export function dutiesOf(cluster: Pick<Cluster, 'duties'>, name: string): string {
   const own = cluster.duties.filter(({ instance }) => instance === name);
   return own.map(({ duty }) => duty).join(', ') || 'none';
 }
 
-/** Duties that nobody does. */
+/** Returns the duties that no instance has. */
 export function vacant(cluster: Pick<Cluster, 'duties'>): string[] {
   return cluster.duties.filter(({ instance }) => instance == null).map(({ duty }) => duty);
 }

@@ -1,4 +1,4 @@
-/** The service's own figures, out of the text that it gives to Prometheus. */
+/** The service's own metrics, parsed from the Prometheus text format. */
 
 export interface Sample {
   name: string;
@@ -9,7 +9,7 @@ export interface Sample {
 const LINE = /^([a-zA-Z_:][\w:]*)(?:\{(.*)\})? (\S+)/;
 const LABEL = /(\w+)="((?:[^"\\]|\\.)*)"/g;
 
-/** Every sample of the text exposition format; comments and what cannot be read are left out. */
+/** Parses the samples of the text exposition format; omits comments and unreadable lines. */
 export function parseMetrics(text: string): Sample[] {
   return text.split('\n').flatMap((line) => {
     const [, name, given = '', number] = LINE.exec(line) ?? [];
@@ -23,7 +23,7 @@ export function parseMetrics(text: string): Sample[] {
   });
 }
 
-/** The sum of all samples of a name that have these labels; null without samples. */
+/** Sums the samples of a name that have these labels; null without samples. */
 export function total(
   samples: readonly Sample[],
   name: string,

@@ -1,11 +1,11 @@
-/** The glossary of the documentation, as the help page shows it. */
+/** Glossary of the documentation, for the help page. */
 
 export interface Term {
   term: string;
   meaning: string;
 }
 
-/** The rows of the glossary's table; of a link its words stay, of emphasis and code the text. */
+/** Returns the rows of the glossary's table as plain text. */
 export function termsOf(markdown: string): Term[] {
   return markdown.split('\n').flatMap((line) => {
     const [, term, meaning] = /^\| (.+?) \| (.+) \|$/.exec(line) ?? [];

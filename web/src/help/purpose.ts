@@ -1,3 +1,3 @@
-/** What fleetcal is for, in a sentence: sign-in, help and every footer say it. */
+/** Purpose of fleetcal in a sentence, for sign-in, help and every footer. */
 export const PURPOSE =
   'fleetcal finds each robot’s steering offset and LiDAR mount while it works, and says when to correct them.';

@@ -1,16 +1,16 @@
-/** What a robot applied when: the step line in its charts. */
+/** A robot's applied calibrations over time: the step line in its charts. */
 
 import type { Deployment, ParameterName, RobotEvent, Shadow, Values } from '../api/types';
 import { valueOf } from '../units/values';
 
-/** From `t_s` on, until the next step, a robot applied these. */
+/** Calibration that a robot applied from `t_s` until the next step. */
 export interface AppliedStep {
   t_s: number;
   values: Values;
   generation: number;
 }
 
-/** A value from a time on; null where none is known. */
+/** A value from a time on; null while it is unknown. */
 export interface Step {
   t_s: number;
   value: number | null;
@@ -24,8 +24,8 @@ function stepOf(time: string, given: unknown): AppliedStep[] {
 }
 
 /**
- * What was applied, oldest first, out of what the robot's records say: what it uses and used before,
- * the events of its answers, and what each deployment began from.
+ * Returns the applied calibrations, oldest first, from the robot's records: its calibrations in use
+ * and used before, the events of its answers, and the base of each deployment.
  */
 export function appliedSteps(
   shadow: Shadow | undefined,
@@ -42,17 +42,17 @@ export function appliedSteps(
   return steps.filter((step, i) => steps[i - 1]?.generation !== step.generation);
 }
 
-/** One parameter of them. */
+/** Returns the steps of one parameter. */
 export function stepsOf(steps: readonly AppliedStep[], name: ParameterName): Step[] {
   return steps.map(({ t_s, values }) => ({ t_s, value: valueOf(values, name) }));
 }
 
-/** The value at a time, or null. */
+/** Returns the value at a time, or null. */
 export function appliedAt(steps: readonly Step[], t_s: number): number | null {
   return steps.findLast((step) => step.t_s <= t_s)?.value ?? null;
 }
 
-/** Values of the steps that are seen between two times. */
+/** Returns the values of the steps that are visible between two times. */
 export function seenValues(steps: readonly Step[], from_s: number, to_s: number): number[] {
   const seen = steps.filter((step, i) => {
     const until_s = steps[i + 1]?.t_s ?? Number.POSITIVE_INFINITY;

@@ -1,18 +1,20 @@
-/** The axes of a chart: their font, their room and their labels. */
+/** Font, padding and labels of a chart's axes. */
 
 import { fixed } from '../units/format';
 
-/** Whole pixels: the chart library multiplies the digits before `px` by the pixel ratio. */
+/** Font in whole pixels: the chart library multiplies the digits before `px` by the pixel ratio. */
 export const AXIS_FONT = '12px "Inter Variable", system-ui, sans-serif';
 
-/** Room around the plot, px: top, right, bottom, left. Half of a time with seconds fits to the right. */
+/**
+ * Padding of the plot, px: top, right, bottom, left. Half of a time with seconds fits to the right.
+ */
 export const PADDING = [8, 30, 0, 0] as const;
 
 const DAY_S = 86_400;
 
 const two = (value: number) => String(value).padStart(2, '0');
 
-/** Labels of a time axis: as fine as its steps are. */
+/** Returns the labels of a time axis, with the precision of its steps. */
 export function timeLabels(splits: number[], step_s: number): string[] {
   return splits.map((split) => {
     const date = new Date(split * 1000);
@@ -25,7 +27,7 @@ export function timeLabels(splits: number[], step_s: number): string[] {
   });
 }
 
-/** Labels of a value axis: as many decimals as its steps need. */
+/** Returns the labels of a value axis, with as many decimals as its steps need. */
 export function valueLabels(splits: number[], step: number): string[] {
   let decimals = 0;
   while (decimals < 6 && Math.abs(step - Number(step.toFixed(decimals))) > step * 1e-6) decimals++;

@@ -1,4 +1,4 @@
-/** The records of one robot's calibration, as its page shows them. */
+/** The records of one robot's calibration, as displayed on its page. */
 
 import { Reading } from '../api/reading.svelte';
 import type { CrossTrackErrors, DeploymentPage, Shadow } from '../api/types';
@@ -22,7 +22,9 @@ export class CalibrationRecords {
     this.crossTrack = new Reading(() => `${path}/cross_track_error`);
   }
 
-  /** Reads them, and again when something was decided or told; returns how to stop. */
+  /**
+   * Reads the records, and again after each decision or event; returns a function that stops it.
+   */
   run(): () => void {
     let gathering: ReturnType<typeof setTimeout> | undefined;
     const later = () => {

@@ -1,8 +1,8 @@
-/** How far a robot was off its path before and after a calibration. */
+/** A robot's cross-track errors before and after a calibration. */
 
 import type { CrossTrackErrors, CrossTrackItem } from '../api/types';
 
-/** One bar: where it begins and ends, mm, and its share of all errors. */
+/** One bar: its ends, mm, and its share of all errors. */
 export interface Bar {
   from_mm: number;
   to_mm: number;
@@ -11,16 +11,16 @@ export interface Bar {
 }
 
 export interface BeforeAfter {
-  /** Null while the robot has used only one calibration. */
+  /** Former calibration; null while the robot has used only one. */
   before: CrossTrackItem | null;
   after: CrossTrackItem;
   bars: Bar[];
 }
 
-/** Bars without errors that stay at the sides, so that a histogram does not touch its frame. */
+/** Number of empty bars kept at the sides, so that a histogram does not touch its frame. */
 const MARGIN_BARS = 2;
 
-/** The present calibration and the one before it; null while nothing was reported. */
+/** Returns the present calibration and the one before it; null while nothing was reported. */
 export function beforeAfter({ items, bin_width_m, from_m }: CrossTrackErrors): BeforeAfter | null {
   const used = items.filter(({ count }) => count > 0);
   const after = used.at(-1);
@@ -43,7 +43,7 @@ export function beforeAfter({ items, bin_width_m, from_m }: CrossTrackErrors): B
   return { before, after, bars };
 }
 
-/** A CSV file of all of it. */
+/** Returns a CSV file of all calibrations. */
 export function crossTrackCsv({ items, bin_width_m, from_m }: CrossTrackErrors): string {
   const head = [
     'from_m',
@@ -58,17 +58,17 @@ export function crossTrackCsv({ items, bin_width_m, from_m }: CrossTrackErrors):
   return [head, ...rows].map((row) => row.join(',')).join('\r\n') + '\r\n';
 }
 
-/** What the present calibration has done for the robot's path following. */
+/** Effect of the present calibration on the robot's path following. */
 export interface Gain {
   /** RMS with the former calibration, mm; null while the robot has used only one. */
   before_mm: number | null;
   /** RMS with the present one, mm. */
   now_mm: number;
-  /** By how much less, as a share; below zero where it became more. */
+  /** Reduction, as a share; below zero for an increase. */
   less: number | null;
 }
 
-/** The gain out of the errors of both; null while nothing was reported. */
+/** Returns the gain from the errors of both; null while nothing was reported. */
 export function gainOf(found: BeforeAfter | null): Gain | null {
   if (!found) return null;
   const now_mm = found.after.rms_m * 1000;

@@ -1,4 +1,4 @@
-/** Which changes of a robot would be noticed now, in the words of its page. */
+/** Detectable changes of a robot, in the words of its page. */
 
 import type { Detection, DetectionState } from '../api/types';
 
@@ -8,7 +8,7 @@ const CAUSES = {
   vehicle: 'wheels',
 } as const satisfies Record<keyof Detection, string>;
 
-/** Whether a change of one cause would be detected, after the words "watched for changes". */
+/** Texts for the detection of one cause, after the words "watched for changes". */
 const STATES: Record<DetectionState, string> = {
   watching: 'yes',
   first_estimate: 'not before the first estimate of this session',
@@ -18,7 +18,7 @@ const STATES: Record<DetectionState, string> = {
   fault: 'not while a fault lasts',
 };
 
-/** What is watched, in the order of the causes; one answer where it is the same for all. */
+/** Describes the detection in the order of the causes; in one text if it is the same for all. */
 export function detectionText(detection: Detection): string {
   const groups = new Map<DetectionState, string[]>();
   for (const cause of Object.keys(CAUSES) as (keyof Detection)[]) {
@@ -31,7 +31,7 @@ export function detectionText(detection: Detection): string {
   return parts.join('; ');
 }
 
-/** Whether a change of every cause would be noticed. */
+/** True if a change of every cause would be detected. */
 export function isWatchingAll(detection: Detection): boolean {
   return Object.values(detection).every((state) => state === 'watching');
 }

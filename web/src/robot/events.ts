@@ -1,4 +1,4 @@
-/** What can happen to a robot, in words. */
+/** Descriptions of a robot's events. */
 
 import type { EventKind, ParameterName, RobotEvent } from '../api/types';
 import { fixed, unitAfter } from '../units/format';
@@ -46,7 +46,7 @@ const CAUSES: Record<string, string> = {
   unknown: 'The data do not tell what it came from.',
 };
 
-/** Of a fault, in which nothing of the calibration changed. */
+/** Causes of a fault, which leaves the calibration unchanged. */
 const FAULT_CAUSES: Record<string, string> = {
   steering: 'The steering reading stands still while the robot turns.',
   vehicle:
@@ -55,7 +55,7 @@ const FAULT_CAUSES: Record<string, string> = {
   unknown: 'Wheels and LiDAR disagree, and the data do not tell why.',
 };
 
-/** Of what has no cause, because nothing moved. */
+/** Findings of events without a cause, since nothing moved. */
 const FOUND: Partial<Record<EventKind, string>> = {
   calibration_confirmed: 'It agrees with the calibration of before.',
   calibration_learned: 'There was none before to compare it with.',
@@ -72,12 +72,12 @@ export function eventFace(kind: string): EventFace {
   return KINDS[kind as EventKind] ?? { word: kind.replaceAll('_', ' '), tone: 'quiet' };
 }
 
-/** Who says so. */
+/** Returns the source of an event. */
 export function eventSource({ source, author }: RobotEvent): string {
   return author || (SOURCES[source] ?? source);
 }
 
-/** What is known of an event beside its kind: cause, how far each parameter moved, the note. */
+/** Returns the details of an event: cause, change of each parameter, the note. */
 export function eventText({ kind, details, note }: RobotEvent): string {
   const parts: string[] = [];
   const cause = details?.cause;
@@ -96,7 +96,7 @@ export function eventText({ kind, details, note }: RobotEvent): string {
   return parts.join(' ');
 }
 
-/** How far each parameter moved, in its wire unit. */
+/** Returns the change of each parameter, in its wire unit. */
 function changes(change: unknown): [name: string, by: number][] {
   if (typeof change !== 'object' || change === null) return [];
   return Object.entries(change).filter((entry): entry is [string, number] => {
@@ -104,7 +104,7 @@ function changes(change: unknown): [name: string, by: number][] {
   });
 }
 
-/** The marks of events on a chart. */
+/** Returns the marks of events on a chart. */
 export function eventMarks(events: readonly RobotEvent[]): EventMark[] {
   return events.map((event) => {
     const { word, tone } = eventFace(event.kind);
@@ -112,13 +112,13 @@ export function eventMarks(events: readonly RobotEvent[]): EventMark[] {
   });
 }
 
-/** What happened within `near_s` of a time, each word once, in the order of time. */
+/** Returns the names of events within `near_s` of a time, each once, oldest first. */
 export function wordsAt(marks: readonly EventMark[], t_s: number, near_s: number): string[] {
   const near = marks.filter((mark) => Math.abs(mark.t_s - t_s) <= near_s);
   return [...new Set(near.toSorted((a, b) => a.t_s - b.t_s).map(({ word }) => word))];
 }
 
-/** Whether two tell of the same event: one of the stream has no number, and may be complete later. */
+/** True if both are the same event: one of the stream has no number, and may be completed later. */
 export function isSame(a: RobotEvent, b: RobotEvent): boolean {
   return (
     a.kind === b.kind &&
@@ -129,8 +129,8 @@ export function isSame(a: RobotEvent, b: RobotEvent): boolean {
 }
 
 /**
- * The events of a list, the newest first, and those that were heard: what came by the stream may have no
- * row yet, or say more than its row did when that was read.
+ * Merges the events of a list, the newest first, with those received: one from the stream may have
+ * no row yet, or more details than its row had when that was read.
  */
 export function joined(list: readonly RobotEvent[], heard: readonly RobotEvent[]): RobotEvent[] {
   const rest = [...heard];

@@ -1,4 +1,4 @@
-/** One robot's history on its page: read for the window that is shown, then kept up live. */
+/** One robot's history on its page: read for the displayed window, then updated live. */
 
 import { get, Refusal } from '../api/client';
 import type { Estimate, EventPage, HistoryDocument, ParameterName, RobotEvent } from '../api/types';
@@ -9,32 +9,35 @@ import { isSame, joined } from './events';
 import { allSeries, append, EMPTY, type Series } from './series';
 import { extent, LIVE_MAX_S, sameWindow, type Window } from './window';
 
-/** Points asked for: an hour of seconds, and more than a wide screen has pixels for a chart. */
+/**
+ * Number of points requested: an hour of seconds, and more than a wide screen has pixels for a
+ * chart.
+ */
 const POINTS_MAX = 4000;
-/** A range too long to follow live is read again this often. */
+/** Interval at which a range too long to follow live is read again. */
 const REREAD_EVERY_MS = 60_000;
 const EVENTS_MAX = 100;
-/** Events of the stream that are kept until their rows are read. */
+/** Number of events from the stream that are kept until their rows are read. */
 const HEARD_MAX = 20;
 
 export class History {
   readonly id: string;
-  /** Moves whenever `series` has changed, which is altered in place. */
+  /** Counter of the changes of `series`, which is altered in place. */
   changes = $state(0);
   bucket_s = $state(1);
   loaded = $state<'loading' | 'ready' | 'failed'>('loading');
   problem = $state('');
-  /** What happened, the newest first: the rows of the service, and what the stream has brought since. */
+  /** Events, the newest first: the service's rows, and those received from the stream since. */
   events = $state.raw<RobotEvent[]>([]);
-  /** The time under the cursor of all charts, s since 1970. */
+  /** Time under the cursor of all charts, s since 1970. */
   cursor_s = $state<number | null>(null);
-  /** Whether a key has put it there: it then stays at its time while the charts move on. */
+  /** True if a key has put it there: it then stays at its time while the charts move on. */
   #isPinned = false;
   #series = new Map<ParameterName, Series>();
   #window: Window;
   #reading: AbortController | undefined;
   #last_s: number | undefined;
-  /** Events of the stream, the newest first. */
+  /** Events received from the stream, the newest first. */
   #heard: RobotEvent[] = [];
 
   constructor(id: string, window: Window) {
@@ -42,7 +45,7 @@ export class History {
     this.#window = window;
   }
 
-  /** One parameter of it. */
+  /** Returns one parameter of the history. */
   series(name: ParameterName): Series {
     void this.changes;
     return this.#series.get(name) ?? EMPTY;
@@ -54,23 +57,23 @@ export class History {
     this.#isPinned = t_s !== null;
   }
 
-  /** Takes where a chart has its cursor: where the pointer is, unless a key has put it elsewhere. */
+  /** Takes the cursor of a chart, which follows the pointer, unless a key has put it elsewhere. */
   hover(t_s: number | null): void {
     if (!this.#isPinned) this.cursor_s = t_s;
   }
 
-  /** The time that a key has put the cursor at, or null. */
+  /** Time at which a key has put the cursor, or null. */
   get pinned_s(): number | null {
     return this.#isPinned ? this.cursor_s : null;
   }
 
-  /** The stretch of time that the charts show. */
+  /** Returns the stretch of time that the charts show. */
   extent(): [from_s: number, to_s: number] {
     const t_s = this.series('steering_offset').t_s;
     return extent(this.#window, this.#end_s(), t_s[0]);
   }
 
-  /** Shows a window; the one that is shown already is not read again. */
+  /** Shows a window; one that is already displayed is not read again. */
   show(window: Window): void {
     if (sameWindow(window, this.#window)) return;
     this.#window = window;
@@ -78,7 +81,7 @@ export class History {
     void this.load();
   }
 
-  /** Reads what the window holds. */
+  /** Reads the history of the window. */
   async load(): Promise<void> {
     this.#reading?.abort();
     const reading = new AbortController();
@@ -104,7 +107,7 @@ export class History {
     }
   }
 
-  /** Reads what happened to the robot. */
+  /** Reads the robot's events. */
   async loadEvents(): Promise<void> {
     try {
       const path = `${robotUrl(this.id)}/events?limit=${EVENTS_MAX}`;
@@ -115,14 +118,14 @@ export class History {
     }
   }
 
-  /** Takes an event that has just come. Its row may be written later. */
+  /** Adds an event on its arrival. Its row may be written later. */
   takeEvent(event: RobotEvent): void {
     if (event.robot !== this.id) return;
     this.#heard = [event, ...this.#heard.filter((one) => !isSame(one, event))].slice(0, HEARD_MAX);
     this.events = joined(this.events, [event]);
   }
 
-  /** Reads what the window holds, and again now and then; returns how to stop. */
+  /** Reads the window, and again periodically; returns a function that stops it. */
   run(): () => void {
     void this.load();
     const timer = setInterval(() => {
@@ -134,7 +137,7 @@ export class History {
     };
   }
 
-  /** Takes an estimate that has just come. */
+  /** Adds an estimate on its arrival. */
   take(estimate: Estimate): void {
     if (estimate.robot !== this.id || !this.#follows() || this.loaded !== 'ready') return;
     const t_s = Math.floor(estimate.stamp_ns / 1e9);
@@ -151,7 +154,9 @@ export class History {
     this.changes++;
   }
 
-  /** Where a range ends: now, or the robot's own last stamp where its clock is another one. */
+  /**
+   * Returns the end of a range: now, or the robot's own last stamp if its clock is a different one.
+   */
   #end_s(): number {
     const now_s = now.current() / 1000;
     if (this.#last_s === undefined) return now_s;
@@ -159,7 +164,7 @@ export class History {
     return Math.abs(now_s - this.#last_s) > length_s ? this.#last_s : now_s;
   }
 
-  /** Tells where the robot's own clock is, before its history is read. */
+  /** Sets the time of the robot's own clock before its history is read. */
   set last_s(t_s: number) {
     this.#last_s = t_s;
   }

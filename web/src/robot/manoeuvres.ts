@@ -1,15 +1,15 @@
-/** What is said above the manoeuvres that a robot should drive. */
+/** Text above the manoeuvres that a robot should drive. */
 
 import type { Manoeuvres, ParameterName } from '../api/types';
 import { SHOWN } from '../units/parameters';
 
-/** Less reduction than this, a natural logarithm, prints as 0 %. */
+/** Reduction, a natural logarithm, below which 0 % is printed. */
 const REDUCTION_MIN = 0.005;
 
-/** Less information than this prints as 0.0 bits. */
+/** Information below which 0.0 bits are printed. */
 const BITS_MIN = 0.05;
 
-/** Those of `items` that tell something: what a driver is sent to drive for nothing is left out. */
+/** Returns the informative ones of `items`: a driver is not sent to drive without gain. */
 export function telling(items: Manoeuvres['items']): Manoeuvres['items'] {
   const reduces = reducesUncertainty(items);
   return items.filter(({ uncertainty_taken, information_bits }) =>
@@ -17,7 +17,7 @@ export function telling(items: Manoeuvres['items']): Manoeuvres['items'] {
   );
 }
 
-/** Whether any of them would shrink a sigma that is too large. */
+/** True if any of them would reduce a sigma that is too large. */
 export function reducesUncertainty(items: Manoeuvres['items']): boolean {
   return items.some(({ uncertainty_taken }) => uncertainty_taken > REDUCTION_MIN);
 }
@@ -25,7 +25,7 @@ export function reducesUncertainty(items: Manoeuvres['items']): boolean {
 const labels = (names: readonly ParameterName[]) =>
   names.map((name) => SHOWN[name].label).join(', ');
 
-/** What is said where none of them tells anything. */
+/** Returns the text shown when none of them is informative. */
 export function nothingToDrive(wanted: readonly ParameterName[]): string {
   return wanted.length === 0
     ? 'All parameters converged: no manoeuvre would add anything now.'
@@ -33,8 +33,8 @@ export function nothingToDrive(wanted: readonly ParameterName[]): string {
 }
 
 /**
- * What is missing, and how they are ranked. Nothing is missing only when no parameter is `wanted`,
- * as the head of the page has it too.
+ * Describes the missing parameters and the order of the manoeuvres. Nothing is missing only if no
+ * parameter is `wanted`, as in the head of the page.
  */
 export function introduction(wanted: readonly ParameterName[], reduces: boolean): string {
   const open = labels(wanted);

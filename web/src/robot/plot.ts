@@ -1,4 +1,4 @@
-/** How one parameter is drawn over time. Sizes, colours and marks; what is drawn comes as columns. */
+/** Drawing of one parameter over time: sizes, colours and marks; the data come as columns. */
 
 import uPlot from 'uplot';
 import { colour } from '../ui/theme.svelte';
@@ -9,41 +9,41 @@ const AXIS_WIDTH = 58;
 const MARK_SIZE = 4.5;
 const POINT_SIZE = 3.5;
 
-/** A mark of something that happened. */
+/** A mark of an event. */
 export interface EventMark {
   t_s: number;
   tone: 'bad' | 'warn' | 'quiet';
-  /** What it was, in two or three words. */
+  /** Name of the event, in two or three words. */
   word: string;
 }
 
 /** Lines beside the estimate, in shown units. */
 export interface Levels {
-  /** What was applied, as steps in time. */
+  /** Applied values, as steps in time. */
   applied: readonly { t_s: number; value: number | null }[];
-  /** How far the estimate may be from that; null where nobody said. */
+  /** Tolerance around the applied values; null without one. */
   tolerance: number | null;
-  /** What is proposed; null where nothing is. */
+  /** Proposed value; null without one. */
   proposed: number | null;
 }
 
-/** What a chart asks of its page. */
+/** Interface from a chart to its page. */
 export interface PlotHost {
-  /** How long a point stands for, s. */
+  /** Duration that a point represents, s. */
   bucket_s(): number;
   /** Lowest and highest value now. */
   values(): [number, number];
   marks(): readonly EventMark[];
   levels(): Levels;
-  /** Stretches in which the value was not known. */
+  /** Returns the stretches in which the value was not known. */
   unknown(): readonly [from_s: number, to_s: number][];
-  /** The cursor moved to a time, or left. */
+  /** Called when the cursor moved to a time, or left. */
   cursor(t_s: number | null): void;
-  /** A stretch of time was cut out with the mouse. */
+  /** Called when a stretch of time was selected with the mouse. */
   cut(from_s: number, to_s: number): void;
 }
 
-/** Marks over the plot: a dashed line, and a shape at its top that tells them apart. */
+/** Draws marks over the plot: a dashed line, and at its top a shape that distinguishes them. */
 function drawMarks(
   plot: uPlot,
   marks: readonly EventMark[],
@@ -68,11 +68,11 @@ function drawMarks(
   ctx.restore();
 }
 
-/** Dots and dashes: what was applied is told from the estimate without its colour. */
+/** Dots and dashes: applied values differ from the estimate without colour. */
 const APPLIED_DASHES = [9, 3, 2, 3];
 const PROPOSED_DASHES = [6, 4];
 
-/** Where each value was applied, px: its own start and end, and its height. */
+/** Returns start, end and height of each applied value, px. */
 function appliedSpans(
   plot: uPlot,
   applied: Levels['applied'],
@@ -87,7 +87,7 @@ function appliedSpans(
   });
 }
 
-/** The tolerance around what was applied, under everything else. */
+/** Draws the tolerance around applied values, under everything else. */
 function drawTolerance(plot: uPlot, { applied, tolerance }: Levels, fill: string): void {
   if (tolerance === null) return;
   const half = Math.abs(plot.valToPos(tolerance, 'y', true) - plot.valToPos(0, 'y', true));
@@ -99,7 +99,7 @@ function drawTolerance(plot: uPlot, { applied, tolerance }: Levels, fill: string
   plot.ctx.restore();
 }
 
-/** A word at the end of a line, over or under it; where the axis ends, on the other side. */
+/** Draws a word at the end of a line, over or under it; at the end of the axis on the other side. */
 function drawLabel(
   plot: uPlot,
   text: string,
@@ -122,7 +122,7 @@ function drawLabel(
   ctx.fillText(text, ...at);
 }
 
-/** What was applied as a step line, and what is proposed as a level one; each has its word. */
+/** Draws the applied values as a step line and the proposed one as a level line, each with its word. */
 function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelColours): void {
   const { ctx, bbox } = plot;
   const right = bbox.left + bbox.width;
@@ -161,7 +161,7 @@ function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelCo
   ctx.restore();
 }
 
-/** Where nothing is known there is nothing to draw: a row of dots says so along the axis. */
+/** Draws a row of dots along the axis where the value was not known. */
 function drawUnknown(
   plot: uPlot,
   stretches: readonly [from_s: number, to_s: number][],
@@ -183,7 +183,7 @@ function drawUnknown(
   ctx.restore();
 }
 
-/** Keeps what is drawn next inside the axes, until `restore`. */
+/** Restricts drawing to the inside of the axes, until `restore`. */
 function clip({ ctx, bbox }: uPlot): void {
   ctx.save();
   ctx.beginPath();
@@ -191,7 +191,7 @@ function clip({ ctx, bbox }: uPlot): void {
   ctx.clip();
 }
 
-/** Points without a neighbour, each with its band and bucket: a line would not show them. */
+/** Draws points without a neighbour, each with its band and bucket: a line would not show them. */
 function drawIsolated(plot: uPlot, bucket_s: number, stroke: string): void {
   const { ctx } = plot;
   const [times, top, bottom, , , mean] = plot.data as Columns;
@@ -219,7 +219,7 @@ function drawIsolated(plot: uPlot, bucket_s: number, stroke: string): void {
 interface LevelColours {
   applied: string;
   proposed: string;
-  /** Behind a word, so that it is read over lines. */
+  /** Background of a word that stands over lines. */
   surface: string;
 }
 
@@ -245,12 +245,12 @@ function drawShape(
   ctx.fill();
 }
 
-/** The same colour, more or less transparent. */
+/** Returns the same colour, more or less transparent. */
 function faded(rgb: string, alpha: number): string {
   return rgb.replace(/^rgb\((.*)\)$/, `rgba($1, ${alpha})`);
 }
 
-/** Draws `columns` into `element`. Colours are those of the moment: a new theme needs a new plot. */
+/** Draws `columns` into `element` in the current colours: a new theme needs a new plot. */
 export function plot(
   element: HTMLElement,
   size: { width: number; height: number },

@@ -1,18 +1,18 @@
-/** What came of the latest reassembly: the same calibration as before, another, or not known yet. */
+/** Outcome of the latest reassembly: the same calibration as before, another, or not known yet. */
 
 import type { EventKind, Robot, RobotEvent } from '../api/types';
 import type { Face } from '../ui/face';
 
-/** An estimate that is later than a report by this much knows of it. */
+/** Time after a report from which an estimate takes it into account. */
 const TAKEN_IN_MS = 10_000;
 
 export type Verdict = 'same' | 'changed' | 'open' | 'nothing_stored' | 'none';
 
 export interface Reassembly {
-  /** What was reported. */
+  /** Reported event. */
   event: RobotEvent;
   verdict: Verdict;
-  /** The estimator's event that says so. */
+  /** The estimator's event that contains the verdict. */
   by: RobotEvent | null;
 }
 
@@ -21,13 +21,14 @@ export const VERDICTS: Record<Verdict, Face> = {
     word: 'Unchanged',
     shape: 'check',
     tone: 'good',
-    meaning: 'What was learnt since agrees with the stored calibration within its uncertainty.',
+    meaning:
+      'What was learnt since agrees with what was known just before, within its uncertainty.',
   },
   changed: {
     word: 'Changed',
     shape: 'diamond',
     tone: 'bad',
-    meaning: 'What was learnt since differs significantly from the stored calibration.',
+    meaning: 'What was learnt since differs significantly from what was known just before.',
   },
   open: {
     word: 'Not known yet',
@@ -40,7 +41,7 @@ export const VERDICTS: Record<Verdict, Face> = {
     shape: 'ring',
     tone: 'quiet',
     meaning:
-      'No finished calibration was stored when it was reported. The current one was learned since.',
+      'No finished calibration was known when it was reported. The current one was learned since.',
   },
   none: {
     word: 'No verdict',
@@ -51,14 +52,14 @@ export const VERDICTS: Record<Verdict, Face> = {
   },
 };
 
-/** What the estimator says after a report, and its verdict. */
+/** Verdicts by the estimator's events after a report. */
 const SAID: Partial<Record<EventKind, Verdict>> = {
   calibration_confirmed: 'same',
   calibration_changed: 'changed',
   calibration_learned: 'nothing_stored',
 };
 
-/** The latest reassembly among a robot's events, the newest first; null when there was none. */
+/** Returns the latest reassembly among a robot's events, the newest first; null without one. */
 export function reassemblyOf(events: readonly RobotEvent[], robot: Robot): Reassembly | null {
   const at = events.findIndex(({ kind }) => kind === 'reassembled');
   const event = events[at];

@@ -1,27 +1,27 @@
 /**
- * What a rollback brings back, as the service decides it: during a deployment the values that the
- * robot used before it; otherwise the last verified ones, and without any those used before.
+ * Result of a rollback, by the service's rule: during a deployment it restores the calibration in
+ * use before it; otherwise the last verified one, and without any the one in use before.
  */
 
 import type { Deployment, InUse, Shadow, Values } from '../api/types';
 
-/** The values that come back. */
+/** Calibration that a rollback restores. */
 export interface Returned {
-  /** The generation under which the robot used them last; 0 for its factory values. */
+  /** Generation under which the robot used it last; 0 for its factory values. */
   generation: number;
-  /** Their values; null where the page has to read them from `proposal` first. */
+  /** Values; null if the page has to read them from `proposal` first. */
   values: Values | null;
-  /** The proposal that they were approved by. */
+  /** Proposal that approved them. */
   proposal: number | null;
-  /** When the robot last began to use them. */
+  /** Time at which the robot last began to use them. */
   since: string | null;
-  /** When driving has verified them; null when it never has. */
+  /** Time at which driving verified them; null if it never has. */
   verified: string | null;
 }
 
 type Records = Pick<Shadow, 'deployment' | 'in_use' | 'before' | 'verified'>;
 
-/** What a rollback brings back; null when nothing is known that it could. */
+/** Returns the calibration that a rollback restores; null if none is known. */
 export function returned(shadow: Records, deployments: readonly Deployment[]): Returned | null {
   const { deployment, in_use, before, verified } = shadow;
   const live = deployment && !deployment.closed ? deployment : null;
@@ -51,7 +51,7 @@ function of({ generation, revision, values, since }: InUse, deployments: readonl
   };
 }
 
-/** When a revision was verified last; deployments come the newest first. */
+/** Returns the time at which a revision was verified last; deployments come the newest first. */
 export function verifiedAt(revision: number, deployments: readonly Deployment[]): string | null {
   const found = deployments.find(
     ({ offer, state }) => state === 'verified' && offer.revision === revision,

@@ -1,4 +1,4 @@
-/** Gives the reader a file that was made on the page. */
+/** Offers the reader a file that was created on the page. */
 export function save(name: string, text: string): void {
   const link = document.createElement('a');
   link.href = URL.createObjectURL(new Blob([text], { type: 'text/csv;charset=utf-8' }));

@@ -103,7 +103,7 @@ describe('the axis', () => {
 });
 
 describe('a young robot', () => {
-  /** The first stretch holds the zero that was assumed and the 1021 mm that were found. */
+  /** A history whose first stretch holds both the assumed zero and the found 1021 mm. */
   const week = (): Series => {
     const young = series([0, 600, 1200, 1800], [0.6, 1.021, 1.0212, 1.0211], 0.0005);
     young.status = ['converged', 'converged', 'converged', 'converged'];

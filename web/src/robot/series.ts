@@ -1,4 +1,4 @@
-/** A stretch of history as the charts, the tables and the CSV files take it. */
+/** A stretch of history, in the form for charts, tables and CSV files. */
 
 import type { HistoryDocument, HistorySeries, ParameterName, ParameterStatus } from '../api/types';
 import { SHOWN } from '../units/parameters';
@@ -16,7 +16,9 @@ export interface Series {
 
 export const EMPTY: Series = { t_s: [], mean: [], min: [], max: [], sigma: [], status: [] };
 
-/** One parameter of what the service answered; where it was fixed or off there are no points. */
+/**
+ * Returns one parameter of the service's answer; times at which it was fixed or off have no points.
+ */
 export function seriesOf(times_s: readonly number[], given: HistorySeries): Series {
   const series: Series = { t_s: [], mean: [], min: [], max: [], sigma: [], status: [] };
   times_s.forEach((t_s, i) => {
@@ -32,7 +34,7 @@ export function seriesOf(times_s: readonly number[], given: HistorySeries): Seri
   return series;
 }
 
-/** Adds what has just come, and lets go what is older than `oldest_s`. */
+/** Appends new points, and removes those older than `oldest_s`. */
 export function append(
   series: Series,
   t_s: number,
@@ -49,9 +51,9 @@ export function append(
   if (keep > 0) for (const column of Object.values(series)) column.splice(0, keep);
 }
 
-/** How many sigmas the band reaches to each side. */
+/** Half width of the band, in sigmas. */
 export const BAND_SIGMAS = 2;
-/** A stretch without data is a gap when it is longer than this many steps, and than this time. */
+/** Number of steps beyond which a stretch without data is a gap, if it also exceeds this time. */
 const GAP_STEPS = 3;
 const GAP_MIN_S = 4;
 
@@ -60,15 +62,15 @@ type Column = (number | null)[];
 /** Columns for a chart, in shown units: time, band's top and bottom, highest, lowest, value. */
 export type Columns = [number[], Column, Column, Column, Column, Column];
 
-/** A first stretch that reaches so many times farther than the second holds more than a value. */
+/** Ratio of the ranges of the first and second stretch beyond which the first is mixed. */
 const MIXED_FACTOR = 5;
 
 /**
- * What a chart draws; where data are missing stands a row of nulls, which it shows as a gap. An
- * unobservable value is only what was assumed before, so it is not drawn; the same goes for a
- * stretch in which it has become observable, whose mean is of both. Highest and lowest value
- * are those of converged stretches once there are any, and of none that is alone: while it is learnt
- * a value may be anywhere, and must not set the axis.
+ * Returns the columns of a chart; missing data are a row of nulls, displayed as a gap. An
+ * unobservable value is only the earlier assumption, so it is not drawn; neither is a stretch in
+ * which it has become observable, whose mean mixes both. Highest and lowest value are those of
+ * converged stretches as soon as there are any, without isolated ones: a value that is still
+ * converging may be anywhere, and must not determine the axis.
  */
 export function columns(series: Series, name: ParameterName, bucket_s: number): Columns {
   const { factor } = SHOWN[name];
@@ -98,8 +100,8 @@ export function columns(series: Series, name: ParameterName, bucket_s: number): 
 }
 
 /**
- * Whether the stretch holds the time before its value was observable too: it is the first after a
- * gap or after unobservable ones, and reaches much farther than the one that follows.
+ * True if the stretch also contains the time before its value was observable: it is the first after
+ * a gap or after unobservable ones, and its range is much larger than that of the next.
  */
 function isMixed(series: Series, i: number, bucket_s: number, gap_s: number): boolean {
   const { t_s, min, max, mean, sigma, status } = series;
@@ -113,13 +115,13 @@ function isMixed(series: Series, i: number, bucket_s: number, gap_s: number): bo
   return Math.max(Math.abs(at(max, i) - middle), Math.abs(at(min, i) - middle)) > near;
 }
 
-/** Whether bucket `i` has no neighbour within `gap_s` to compare its values with. */
+/** True if bucket `i` has no neighbour within `gap_s` for comparison. */
 function isAlone({ t_s }: Series, i: number, bucket_s: number, gap_s: number): boolean {
   const at = (k: number) => t_s[k] ?? Number.NaN;
   return bucket_s > 1 && !(at(i) - at(i - 1) <= gap_s) && !(at(i + 1) - at(i) <= gap_s);
 }
 
-/** Stretches in which the value was not observable, from the first to the last point of each. */
+/** Returns the stretches in which the value was not observable, from first to last point. */
 export function unknownStretches({ t_s, status }: Series): [from_s: number, to_s: number][] {
   const found: [number, number][] = [];
   t_s.forEach((at_s, i) => {
@@ -131,15 +133,15 @@ export function unknownStretches({ t_s, status }: Series): [from_s: number, to_s
   return found;
 }
 
-/** Points of the value's line without a neighbour, which no line would show. */
+/** Returns the points of the value's line without a neighbour, which a line would not show. */
 export function isolated([, , , , , mean]: Columns): number[] {
   const known = (i: number) => (mean[i] ?? null) !== null;
   return mean.flatMap((_, i) => (known(i) && !known(i - 1) && !known(i + 1) ? [i] : []));
 }
 
 /**
- * Where a lone point stands, s: `[from, middle, to]`. Its bucket says no more than that its values
- * are from somewhere in it, so it reaches over the bucket as far as `end_s`, where the chart ends.
+ * Returns the extent of an isolated point, s: `[from, middle, to]`. Its values are from anywhere in
+ * its bucket, so it extends over the bucket as far as `end_s`, the end of the chart.
  */
 export function lonePlace(
   begin_s: number,
@@ -154,15 +156,15 @@ function push(out: Columns, row: [number, ...(number | null)[]]): void {
   out.forEach((column, i) => (column as Column).push(row[i] ?? null));
 }
 
-/** Which values a chart's axis covers: all of them, or the last ones so that little moves show. */
+/** Values covered by a chart's axis: all of them, or the latest so that small changes show. */
 export type Focus = 'all' | 'latest';
 
-/** The share of the points that `latest` looks at. */
+/** Share of the points that `latest` covers. */
 const LATEST_SHARE = 0.2;
 
 /**
- * Lowest and highest value of the axis, in the shown unit. The band may run out of it; `levels` are
- * in it where all values are.
+ * Returns the lowest and highest value of the axis, in the shown unit. The band may exceed it;
+ * `levels` are included if all values are.
  */
 export function axisRange(
   columns: Columns,
@@ -198,7 +200,7 @@ export function axisRange(
   return [middle - span / 2, middle + span / 2];
 }
 
-/** A CSV file of a series: SI units and radians, all digits, UTC. */
+/** Returns a CSV file of a series: SI units and radians, all digits, UTC. */
 export function csv(series: Series, name: ParameterName, applied: readonly Step[] = []): string {
   const { wireUnit } = SHOWN[name];
   const column = (what: string) => `${name}${what}_${wireUnit}`;
@@ -218,7 +220,7 @@ export function csv(series: Series, name: ParameterName, applied: readonly Step[
   return [head.join(','), ...rows, ''].join('\r\n');
 }
 
-/** Every parameter of an answer as a series. */
+/** Returns every parameter of an answer as a series. */
 export function allSeries(
   answer: Pick<HistoryDocument, 'time' | 'series'>,
 ): Map<ParameterName, Series> {
@@ -226,7 +228,7 @@ export function allSeries(
   return new Map(answer.series.map((given) => [given.parameter, seriesOf(times_s, given)]));
 }
 
-/** The index of the point nearest to a time; null for an empty series. */
+/** Returns the index of the point nearest to a time; null for an empty series. */
 export function nearest(times_s: readonly number[], t_s: number): number | null {
   if (times_s.length === 0) return null;
   let low = 0;

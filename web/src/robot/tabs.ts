@@ -1,4 +1,4 @@
-/** The parts of a robot's page. The address says which one is shown. */
+/** Parts of a robot's page, of which the address names one. */
 
 export const TABS = [
   ['overview', 'Overview'],
@@ -9,10 +9,10 @@ export const TABS = [
 
 export type Tab = (typeof TABS)[number][0];
 
-/** What an address of the charts says of time or scale. */
+/** Query parameters of the charts. */
 const OF_CHARTS = ['range', 'from', 'to', 'scale'];
 
-/** The part in an address; one that names a time is about the history. */
+/** Returns the part that an address names; one with a time is about the history. */
 export function tabOf(query: URLSearchParams): Tab {
   const named = TABS.find(([tab]) => tab === query.get('show'))?.[0];
   return named ?? (OF_CHARTS.some((key) => query.has(key)) ? 'history' : 'overview');

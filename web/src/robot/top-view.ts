@@ -1,11 +1,11 @@
-/** The geometry of a robot's top view: from metres to a drawing, to words and to a file. */
+/** Geometry of a robot's top view: conversion from metres to a drawing, to words and to a file. */
 
 import type { TopView } from '../api/types';
 import { fixed } from '../units/format';
 
 export type Point = readonly number[];
 
-/** A drawing: its size in pixels, what is in its middle, and its scale. Up is y. */
+/** A drawing: its size in pixels, the point in its middle, and its scale. Up is y. */
 export interface View {
   width: number;
   height: number;
@@ -13,10 +13,10 @@ export interface View {
   px_per_m: number;
 }
 
-/** How many metres a drawing is wide, from near to far. */
+/** Widths of a drawing in metres, from near to far. */
 export const WIDTHS_M = [6, 12, 24, 48] as const;
 
-/** Where a point of the odometry frame is drawn. */
+/** Returns the place of a point of the odometry frame in the drawing. */
 export function place(view: View, [x = 0, y = 0]: Point): [number, number] {
   const [mx = 0, my = 0] = view.middle;
   return [view.width / 2 + (x - mx) * view.px_per_m, view.height / 2 - (y - my) * view.px_per_m];
@@ -27,7 +27,7 @@ const at = (view: View, point: Point) => {
   return `${x.toFixed(1)} ${y.toFixed(1)}`;
 };
 
-/** A path with a dot at each point inside the drawing. */
+/** Returns a path with a dot at each point inside the drawing. */
 export function dots(view: View, points: readonly Point[]): string {
   return points
     .filter((point) => {
@@ -38,18 +38,18 @@ export function dots(view: View, points: readonly Point[]): string {
     .join('');
 }
 
-/** A path along the points. */
+/** Returns a path along the points. */
 export function line(view: View, points: readonly Point[]): string {
   return points.map((point, i) => `${i === 0 ? 'M' : 'L'}${at(view, point)}`).join('');
 }
 
-/** A point of the frame `b` in the frame `a`, by the pose of `b` in `a`. */
+/** Transforms a point of the frame `b` into the frame `a`, by the pose of `b` in `a`. */
 export function onto({ x_m, y_m, yaw_rad }: TopView['lidar'], [x = 0, y = 0]: Point): Point {
   const [sin, cos] = [Math.sin(yaw_rad), Math.cos(yaw_rad)];
   return [x_m + cos * x - sin * y, y_m + sin * x + cos * y];
 }
 
-/** The outline of the vehicle with a nose that shows ahead; null while the mount is not known. */
+/** Returns the outline of the vehicle with a nose at its front; null while the mount is unknown. */
 export function vehicle({ lidar, lidar_in_base }: TopView, wheelbase_m: number): Point[] | null {
   if (!lidar_in_base) return null;
   // From the vehicle to the LiDAR and back again: `base_in_odom = lidar_in_odom * base_in_lidar`.
@@ -70,7 +70,7 @@ export function vehicle({ lidar, lidar_in_base }: TopView, wheelbase_m: number):
   return outline.map((corner) => onto(lidar, inLidar(corner)));
 }
 
-/** A round length for a scale bar of at most `most_px`, m. */
+/** Returns a round length for a scale bar of at most `most_px`, m. */
 export function scaleBar({ px_per_m }: View, most_px: number): number {
   const most = most_px / px_per_m;
   const power = 10 ** Math.floor(Math.log10(most));
@@ -80,7 +80,9 @@ export function scaleBar({ px_per_m }: View, most_px: number): number {
 
 const apart = ([ax = 0, ay = 0]: Point, [bx = 0, by = 0]: Point) => Math.hypot(ax - bx, ay - by);
 
-/** How far the two steerings end from where the LiDAR says, m; null without trajectories. */
+/**
+ * Returns the distances of the two steerings' ends from the LiDAR's, m; null without trajectories.
+ */
 export function ends({ trajectory }: TopView): { raw_m: number; corrected_m: number } | null {
   const last = trajectory.at(-1);
   if (!last || trajectory.length < 2) return null;
@@ -90,9 +92,9 @@ export function ends({ trajectory }: TopView): { raw_m: number; corrected_m: num
   };
 }
 
-/** A trajectory's points as a table has them. */
+/** One point of a trajectory as a row of a table. */
 export interface Row {
-  /** Before the newest point, s. */
+  /** Time before the newest point, s. */
   before_s: number;
   x_m: number;
   y_m: number;
@@ -100,7 +102,7 @@ export interface Row {
   corrected_off_m: number;
 }
 
-/** The trajectories, the newest point first. */
+/** Returns the trajectories, the newest point first. */
 export function rows({ trajectory }: TopView): Row[] {
   const newest_ns = trajectory.at(-1)?.stamp_ns ?? 0;
   return trajectory.toReversed().map((point) => ({
@@ -112,7 +114,7 @@ export function rows({ trajectory }: TopView): Row[] {
   }));
 }
 
-/** What the drawing shows, in a sentence. */
+/** Describes the drawing in a sentence. */
 export function inWords(view: TopView): string {
   const off = ends(view);
   if (!off) return 'Trajectories follow once a first calibration is found.';
@@ -123,7 +125,7 @@ export function inWords(view: TopView): string {
   );
 }
 
-/** All that is drawn, as a CSV file: what it is, its time where it has one, x and y. */
+/** Returns the whole drawing as a CSV file: kind, time if there is one, x and y. */
 export function topViewCsv(view: TopView): string {
   const time = (stamp_ns: number) => new Date(stamp_ns / 1e6).toISOString();
   const still = (what: string, points: readonly Point[]) =>

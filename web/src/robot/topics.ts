@@ -1,8 +1,8 @@
-/** Which of the topics that a robot announces carry what a calibration needs. */
+/** Announced topics of a robot that carry the data for a calibration. */
 
 import type { AnnouncedTopic, MessageType } from '../api/types';
 
-/** A topic as the service has seen it announced. */
+/** A topic as announced to the service. */
 export type Topic = Pick<AnnouncedTopic, 'topic' | 'type' | 'suited_for'>;
 type StreamName = Topic['suited_for'][number];
 
@@ -11,7 +11,7 @@ export interface TopicChoice {
   type: MessageType;
 }
 
-/** Which joints of a `JointState` are steering and wheels. */
+/** Joints of a `JointState` for steering and wheels. */
 export interface Joints {
   steering?: string;
   wheels?: string[];
@@ -28,16 +28,16 @@ export interface Streams {
   joints?: Joints;
 }
 
-/** What a person has chosen and typed, topics by name. */
+/** Choices and texts of a person, topics by name. */
 export interface Chosen {
-  /** Speed and steering in one; empty when they come on two topics. */
+  /** Topic with both speed and steering; empty if these come on two topics. */
   wheel_odometry: string;
   steering: string;
   speed: string;
-  /** Scans, or poses made on the robot. */
+  /** Topic of scans, or of poses computed on the robot. */
   lidar: string;
   steering_joint: string;
-  /** Names with commas between. */
+  /** Names, separated by commas. */
   wheel_joints: string;
   wheel_radius: string;
 }
@@ -48,12 +48,12 @@ export type Picked = { ok: true; streams: Streams } | { ok: false; field: Field;
 const JOINT_STATE = 'sensor_msgs/msg/JointState';
 const RADIUS_MAX_M = 5;
 
-/** The topics that could be one of these streams. */
+/** Returns the topics suited for one of these streams. */
 export function suited(topics: readonly Topic[], ...streams: StreamName[]): Topic[] {
   return topics.filter(({ suited_for }) => streams.some((stream) => suited_for.includes(stream)));
 }
 
-/** The choice to begin with: what there is only one of, else the first. */
+/** Returns the initial choice: the only suited topic of a stream, otherwise the first. */
 export function firstChoice(topics: readonly Topic[]): Chosen {
   const first = (...streams: StreamName[]) => suited(topics, ...streams)[0]?.topic ?? '';
   const both = first('wheel_odometry');
@@ -68,7 +68,7 @@ export function firstChoice(topics: readonly Topic[]): Chosen {
   };
 }
 
-/** Which joints have to be named: those of steering, and those of the wheels. */
+/** Returns the joints that have to be named: those of steering, and those of the wheels. */
 export function jointsAsked(
   topics: readonly Topic[],
   { wheel_odometry, steering, speed }: Chosen,
@@ -81,12 +81,14 @@ export function jointsAsked(
   };
 }
 
-/** The topic of a choice. A topic is offered where it is suited, so its type is a known one. */
+/**
+ * Returns the topic of a choice. A topic is offered where it is suited, so its type is a known one.
+ */
 function sourceOf({ topic, type }: Topic): TopicChoice {
   return { topic, type: type as MessageType };
 }
 
-/** The streams as they were chosen, or what is missing. */
+/** Returns the chosen streams, or the missing entry. */
 export function streamsOf(topics: readonly Topic[], chosen: Chosen): Picked {
   const missing = (field: Field, problem: string): Picked => ({ ok: false, field, problem });
   const named = (name: string): TopicChoice | undefined => {

@@ -1,10 +1,10 @@
-/** Checks what a person types about a vehicle before it is sent. The service checks again. */
+/** Checks a person's entries about a vehicle before they are sent. The service checks again. */
 
 const WHEELBASE_MAX_M = 30;
 
 export type Checked = { ok: true; metres: number } | { ok: false; problem: string };
 
-/** A wheelbase in metres; a decimal comma will do. */
+/** Parses a wheelbase in metres; accepts a decimal comma. */
 export function wheelbase(typed: string): Checked {
   const text = typed.trim().replace(/\s*m$/, '').replace(',', '.');
   if (text === '') return { ok: false, problem: 'Type the wheelbase in metres, such as 1.200.' };

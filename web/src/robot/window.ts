@@ -1,4 +1,4 @@
-/** Which stretch of a robot's history its charts show. It stands in the address. */
+/** Stretch of a robot's history that its charts show, stored in the address. */
 
 export interface Range {
   key: string;
@@ -21,14 +21,14 @@ export const RANGES: readonly Range[] = [
 
 const DEFAULT = RANGES[1] as Range;
 
-/** Ranges up to this length move with the time; a longer one is read again now and then. */
+/** Largest length of a range that follows the time; a longer one is read again periodically. */
 export const LIVE_MAX_S = HOUR;
 
-/** A window that ends now (`to_s` null), or one that the reader cut out. */
+/** A window that ends now (`to_s` null), or one that the reader selected. */
 export type Window =
   { kind: 'range'; range: Range } | { kind: 'cut'; from_s: number; to_s: number };
 
-/** The window in an address; what cannot be read is the last hour. */
+/** Returns the window in an address; an unreadable one is the last hour. */
 export function windowOf(query: URLSearchParams): Window {
   const from_s = Date.parse(query.get('from') ?? '') / 1000;
   const to_s = Date.parse(query.get('to') ?? '') / 1000;
@@ -39,15 +39,15 @@ export function windowOf(query: URLSearchParams): Window {
   return { kind: 'range', range: RANGES.find((range) => range.key === key) ?? DEFAULT };
 }
 
-/** Whether two windows are of the same time. */
+/** True if two windows cover the same time. */
 export function sameWindow(a: Window, b: Window): boolean {
   if (a.kind === 'range') return b.kind === 'range' && a.range.key === b.range.key;
   return b.kind === 'cut' && a.from_s === b.from_s && a.to_s === b.to_s;
 }
 
 /**
- * The time the charts show, in seconds since 1970. A range ends at `end_s` and begins with the
- * first data, so that a robot that has just begun fills its charts.
+ * Returns the time that the charts show, in seconds since 1970. A range ends at `end_s` and begins
+ * with the first data, so that a robot that has just begun fills its charts.
  */
 export function extent(
   window: Window,

@@ -1,4 +1,4 @@
-/** What programs can be told of, in words. */
+/** Descriptions of the events that programs can be notified of. */
 
 import type { WebhookEvent } from '../api/types';
 

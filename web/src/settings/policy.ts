@@ -1,4 +1,4 @@
-/** The policy as a form holds it: texts that people type. */
+/** The policy in the form: texts that people type. */
 
 import type { Policy, Tolerance } from '../api/types';
 
@@ -29,10 +29,10 @@ export const NUMBERS = [
   ['lidar_distance_max_m', 'Largest plausible LiDAR distance', 'm'],
 ] as const satisfies readonly (readonly [keyof Policy, string, string])[];
 
-/** Under what edits are kept that were not saved. */
+/** Key under which unsaved edits are kept. */
 export const DRAFT = 'policy';
 
-/** What may be typed, by `key` or `key.part`, and what may be ticked. */
+/** Editable texts, by `key` or `key.part`, and checkboxes. */
 export interface Draft {
   typed: Record<string, string>;
   propose: boolean;
@@ -41,7 +41,7 @@ export interface Draft {
 
 export type Read = { ok: true; policy: Policy } | { ok: false; field: string; problem: string };
 
-/** The policy as texts. */
+/** Converts the policy to texts. */
 export function draftOf(policy: Policy): Draft {
   const typed: Record<string, string> = {};
   for (const key of TOLERANCES) {
@@ -51,7 +51,10 @@ export function draftOf(policy: Policy): Draft {
   return { typed, propose: policy.propose, roll_back: policy.roll_back };
 }
 
-/** The texts as a policy, or the first that is no number. The service checks how large it may be. */
+/**
+ * Converts the texts to a policy, or returns the first that is not a number. The service checks the
+ * limits.
+ */
 export function policyOf({ typed, propose, roll_back }: Draft): Read {
   let wrong: { field: string; problem: string } | undefined;
   const number = (field: string): number => {

@@ -1,4 +1,4 @@
-/** A list that an administrator keeps: read whole, and read again after each change. */
+/** A list that an administrator maintains: read whole, and read again after each change. */
 
 import { list, problemOf } from '../api/client';
 

@@ -1,11 +1,11 @@
-/** Roles that a person can have, and a token. */
+/** Roles that a person or a token can have. */
 
 import type { Role } from '../api/types';
 
 export const ROLES: readonly Role[] = ['viewer', 'operator', 'approver', 'admin'];
 export const TOKEN_ROLES: readonly Role[] = [...ROLES, 'robot'];
 
-/** What somebody with a role may do. */
+/** Descriptions of the rights of each role. */
 export const MAY: Record<Role, string> = {
   viewer: 'A viewer reads everything and changes nothing.',
   operator: 'An operator reads, registers robots, attaches notes, takes alerts on and proposes.',

@@ -1,6 +1,6 @@
 /**
- * Texts that were typed and not sent yet. They outlive the page that they were typed on, so that
- * neither a link nor a session that ends loses them, and belong to one person.
+ * Texts that were typed and not sent yet. They outlive their page, so that neither a link nor the
+ * end of a session loses them, and belong to one person.
  */
 
 import { SvelteMap } from 'svelte/reactivity';
@@ -9,25 +9,25 @@ class Drafts {
   #owner = '';
   readonly #kept = new SvelteMap<string, unknown>();
 
-  /** Says who types now. What somebody else has typed is forgotten. */
+  /** Sets the person who types. The texts of another person are removed. */
   belongTo(owner: string): void {
     if (owner === this.#owner) return;
     this.#owner = owner;
     this.#kept.clear();
   }
 
-  /** What was kept under a name; undefined when nothing was. */
+  /** Returns the draft kept under a name; undefined without one. */
   get<T>(name: string): T | undefined {
     return this.#kept.get(name) as T | undefined;
   }
 
-  /** Keeps something under a name, in place of what was there. */
+  /** Keeps a draft under a name, in place of an earlier one. */
   keep(name: string, draft: unknown): void {
     if (draft === '') this.#kept.delete(name);
     else this.#kept.set(name, draft);
   }
 
-  /** Forgets what was sent or given up. */
+  /** Removes a draft that was sent or cancelled. */
   forget(name: string): void {
     this.#kept.delete(name);
   }

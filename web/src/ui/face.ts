@@ -1,6 +1,6 @@
-/** What a state looks like. */
+/** Appearance of a state. */
 
-/** A shape is never used for two meanings, so that a state is told without its colour. */
+/** Shapes, each with a single meaning, so that a state is recognised without its colour. */
 export type Shape =
   | 'octagon'
   | 'diamond'
@@ -26,18 +26,18 @@ export type Shape =
   | 'clock-off'
   | 'dash'
   | 'signal';
-/** `ink` stands out and asks for nobody: a size beyond a tolerance. */
+/** Tone of a mark; `ink` stands out without asking for a person: a size beyond a tolerance. */
 export type Tone = 'bad' | 'warn' | 'active' | 'good' | 'ink' | 'quiet';
 
 export interface Face {
   word: string;
   shape: Shape;
   tone: Tone;
-  /** What the state means, in a sentence. */
+  /** Meaning of the state, in a sentence. */
   meaning: string;
 }
 
-/** A face, also of a state that a newer service has and this page does not. */
+/** Returns a face, also for a state of a newer service that this page does not know. */
 export function faceOf(faces: Record<string, Face>, state: string): Face {
   return Object.hasOwn(faces, state) && faces[state] ? faces[state] : unknownFace(state);
 }

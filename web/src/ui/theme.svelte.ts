@@ -1,4 +1,4 @@
-/** Light or dark: as the system says, or as the reader chose. */
+/** Colour scheme: that of the system, light or dark. */
 
 export type Theme = 'system' | 'light' | 'dark';
 
@@ -12,14 +12,14 @@ function stored(): Theme {
 
 class Look {
   theme = $state<Theme>(stored());
-  /** Moves whenever colours change, for what is drawn rather than styled. */
+  /** Counter of colour changes, for content that is drawn instead of styled. */
   changes = $state(0);
 
   constructor() {
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => this.changes++);
   }
 
-  /** The next of system, light, dark. */
+  /** Changes to the next of system, light, dark. */
   next(): void {
     const theme = ORDER[(ORDER.indexOf(this.theme) + 1) % ORDER.length] ?? 'system';
     this.theme = theme;
@@ -37,7 +37,7 @@ class Look {
 
 export const look = new Look();
 
-/** The colour behind a custom property as the page shows it now, for a canvas. */
+/** Returns the current colour of a custom property, for a canvas. */
 export function colour(property: string): string {
   const probe = document.createElement('span');
   probe.style.color = `var(${property})`;

@@ -1,4 +1,4 @@
-/** Whether the page is too narrow for a table, which then becomes cards. */
+/** True if the page is too narrow for a table, which then becomes cards. */
 
 class Narrow {
   matches = $state(false);
@@ -10,8 +10,8 @@ class Narrow {
   }
 }
 
-/** For that of proposals, which has eleven. */
+/** Width limit for the table of proposals, which has eleven columns. */
 export const narrowForProposals = new Narrow(1_419);
 
-/** For the fleet's, which has six. */
+/** Width limit for the fleet's table, which has six columns. */
 export const narrowForFleet = new Narrow(899);

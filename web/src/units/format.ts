@@ -1,24 +1,26 @@
-/** Numbers and times as people read them. The wire has SI units and radians. */
+/** Formats of numbers and times for people. The wire has SI units and radians. */
 
 import type { ParameterName } from '../api/types';
 import { SHOWN } from './parameters';
 
 const MINUS = '\u2212';
 
-/** `value` with a fixed number of decimals, a true minus sign, and never a negative zero. */
+/**
+ * Formats `value` with a fixed number of decimals, a true minus sign, and never a negative zero.
+ */
 export function fixed(value: number, decimals: number): string {
   if (!Number.isFinite(value)) return 'not known';
   const text = Math.abs(value).toFixed(decimals);
   return value < 0 && Number(text) !== 0 ? MINUS + text : text;
 }
 
-/** As {@link fixed}, with a plus sign for what is above zero, so that signs line up. */
+/** Formats as {@link fixed}, with a plus sign for positive values, so that signs line up. */
 export function signed(value: number, decimals: number): string {
   const text = fixed(value, decimals);
   return value > 0 && Number(text) !== 0 ? `+${text}` : text;
 }
 
-/** A parameter's value in its shown unit, without the unit. */
+/** Formats a parameter's value in its shown unit, without the unit. */
 export function formatValue(name: ParameterName, value: number): string {
   const { factor, decimals, unit } = SHOWN[name];
   return unit === '' || name === 'wheelbase'
@@ -26,7 +28,7 @@ export function formatValue(name: ParameterName, value: number): string {
     : signed(value * factor, decimals);
 }
 
-/** A sigma in its shown unit; a large one loses its decimals, which would say nothing. */
+/** Formats a sigma in its shown unit; a large one loses its decimals, which are not significant. */
 export function formatSigma(name: ParameterName, sigma: number): string {
   const { factor, decimals } = SHOWN[name];
   const shown = sigma * factor;
@@ -35,28 +37,28 @@ export function formatSigma(name: ParameterName, sigma: number): string {
   return fixed(shown, shown >= 10 ? Math.min(decimals, 1) : decimals);
 }
 
-/** The unit as it follows a number: a space before all but the degree sign. */
+/** Returns the unit after a number: with a space before all but the degree sign. */
 export function unitAfter(name: ParameterName): string {
   const { unit } = SHOWN[name];
   return unit === '°' || unit === '' ? unit : `\u00a0${unit}`;
 }
 
-/** `+1.234 ± 0.012°`: a value that can stand alone in a sentence. */
+/** Formats a value that can stand alone in a sentence: `+1.234 ± 0.012°`. */
 export function formatEstimate(name: ParameterName, value: number, sigma: number): string {
   return `${formatValue(name, value)} ± ${formatSigma(name, sigma)}${unitAfter(name)}`;
 }
 
-/** `12,345`: a count. */
+/** Formats a count: `12,345`. */
 export function formatCount(count: number): string {
   return count.toLocaleString('en-GB').replaceAll(',', '\u202f');
 }
 
-/** `84 m` or `1.24 km`. */
+/** Formats a distance: `84 m` or `1.24 km`. */
 export function formatDistance(metres: number): string {
   return metres < 1000 ? `${metres.toFixed(0)} m` : `${(metres / 1000).toFixed(2)} km`;
 }
 
-/** How long ago, in the largest unit that says something. Below `fresh_ms` it is simply `now`. */
+/** Formats an age in its largest meaningful unit. Below `fresh_ms` it is simply `now`. */
 export function formatAge(age_ms: number, fresh_ms = 3000): string {
   if (age_ms < fresh_ms) return 'now';
   const seconds = Math.floor(age_ms / 1000);
@@ -69,8 +71,8 @@ export function formatAge(age_ms: number, fresh_ms = 3000): string {
 }
 
 /**
- * When something was, or when it `isDue`. What has happened is never ahead, however the clocks of
- * the service and of the reader differ; what is due may be over.
+ * Formats a past time, or a future one that `isDue`. A past event is never ahead, however the
+ * clocks of the service and of the reader differ; a due one may be over.
  */
 export function formatMoment(time_ms: number, now_ms: number, isDue: boolean): string {
   const ahead_ms = time_ms - now_ms;
@@ -78,7 +80,7 @@ export function formatMoment(time_ms: number, now_ms: number, isDue: boolean): s
   return formatAge(-ahead_ms);
 }
 
-/** How long something lasts, in the largest unit that says something. */
+/** Formats a duration in its largest meaningful unit. */
 export function formatSpan(span_ms: number): string {
   const seconds = Math.round(span_ms / 1000);
   if (seconds < 90) return `${seconds} s`;
@@ -105,12 +107,12 @@ const dated = new Intl.DateTimeFormat('en-GB', {
   timeZoneName: 'short',
 });
 
-/** `14:03:22 CET`: a time of today. */
+/** Formats a time of today: `14:03:22 CET`. */
 export function formatClock(time_ms: number): string {
   return clock.format(time_ms);
 }
 
-/** `21 Nov 2026, 14:03:22 CET`: any time. */
+/** Formats any time: `21 Nov 2026, 14:03:22 CET`. */
 export function formatTime(time_ms: number): string {
   return dated.format(time_ms);
 }
@@ -123,7 +125,7 @@ const dayOfYear = new Intl.DateTimeFormat('en-GB', {
   year: 'numeric',
 });
 
-/** A time as people say it: `22:14` of today, then `yesterday 22:14`, `21 Nov 22:14`, with the year before. */
+/** Returns a time as people say it: `22:14` today, `yesterday 22:14`, `21 Nov 22:14`, `21 Nov 2025 22:14`. */
 export function formatSaid(time_ms: number, now_ms: number): string {
   const at = new Date(time_ms);
   const today = new Date(now_ms);
@@ -135,7 +137,7 @@ export function formatSaid(time_ms: number, now_ms: number): string {
   return `${(sameYear ? day : dayOfYear).format(at)} ${clockTime}`;
 }
 
-/** The reader's time zone, by name. */
+/** Returns the name of the reader's time zone. */
 export function zoneName(): string {
   return Intl.DateTimeFormat().resolvedOptions().timeZone;
 }

@@ -1,15 +1,15 @@
-/** How each parameter of a calibration is named and shown to people. */
+/** Names and units under which the parameters of a calibration are shown to people. */
 
 import type { ParameterName } from '../api/types';
 
 export interface Shown {
-  /** The name in a heading. */
+  /** Name in a heading. */
   label: string;
-  /** The unit people read; the wire has rad, m, s and 1. */
+  /** Unit for people; the wire has rad, m, s and 1. */
   unit: string;
   /** Shown value per wire value. */
   factor: number;
-  /** Digits after the point. */
+  /** Number of digits after the point. */
   decimals: number;
   /** Unit as part of a CSV column name, where the wire's unit is kept. */
   wireUnit: string;
@@ -64,8 +64,8 @@ export const SHOWN: Record<ParameterName, Shown> = {
   steering_gain: ratio('Steering gain'),
 };
 
-/** What a fleet row and the charts show, in this order. */
+/** Parameters of a fleet row and of the charts, in this order. */
 export const CALIBRATED = ['steering_offset', 'lidar_x', 'lidar_y', 'lidar_yaw'] as const;
 
-/** What the filter carries besides. */
+/** Further parameters of the filter. */
 export const NUISANCE = ['speed_scale', 'time_offset', 'wheelbase', 'steering_gain'] as const;

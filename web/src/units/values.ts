@@ -1,4 +1,4 @@
-/** The values of a calibration under the names that parameters have elsewhere. */
+/** The values of a calibration under the parameters' names elsewhere. */
 
 import type { ParameterName, Tolerance, Values } from '../api/types';
 import { CALIBRATED, NUISANCE } from './parameters';
@@ -18,39 +18,39 @@ const KEYS = {
 
 const RAD_PER_DEG = Math.PI / 180;
 
-/** One value, in its wire unit; null if it is unknown. */
+/** Returns one value, in its wire unit; null if it is unknown. */
 export function valueOf(values: Values | null | undefined, name: ParameterName): number | null {
   return values?.[KEYS[name]] ?? null;
 }
 
-/** `to` less `from`; of a heading the short way round. */
+/** Returns `to` less `from`; the shorter way round for a heading. */
 export function difference(name: ParameterName, from: number, to: number): number {
   const plain = to - from;
   if (name !== 'lidar_yaw') return plain;
   return Math.atan2(Math.sin(plain), Math.cos(plain));
 }
 
-/** How much of one value a tolerance accepts, in its wire unit. */
+/** Returns the accepted deviation of one value by a tolerance, in its wire unit. */
 export function accepted(tolerance: Tolerance, name: Calibrated): number {
   if (name === 'steering_offset') return tolerance.steering_offset_deg * RAD_PER_DEG;
   if (name === 'lidar_yaw') return tolerance.lidar_yaw_deg * RAD_PER_DEG;
   return tolerance.lidar_position_mm / 1000;
 }
 
-/** One value of a calibration beside the one that would take its place. */
+/** One value of a calibration beside the one that would replace it. */
 export interface Compared {
   name: ParameterName;
   from: number | null;
   to: number | null;
   sigma: number | null;
   change: number | null;
-  /** How many sigmas the change is; null without a sigma. */
+  /** Size of the change in sigmas; null without a sigma. */
   sigmas: number | null;
-  /** Whether the change is more than the tolerance; false without one. */
+  /** True if the change exceeds the tolerance; false without one. */
   beyond: boolean;
 }
 
-/** Two calibrations value by value. */
+/** Compares two calibrations value by value. */
 export function compareValues(
   from: Values | null | undefined,
   to: Values | null | undefined,
@@ -75,19 +75,20 @@ export function compareValues(
   });
 }
 
-/** What a robot goes by that has said nothing of it. Nobody knows which wheelbase it has in mind. */
+/** Assumed values of a robot that has not reported them. Its assumed wheelbase is unknown. */
 const UNSAID: Record<(typeof NUISANCE)[number], number | null> = {
   speed_scale: 1,
   time_offset: 0,
   wheelbase: null,
   steering_gain: 1,
 };
-/** Closer than this two values are one, in any wire unit. */
+/** Difference below which two values are equal, in any wire unit. */
 const SAME = 1e-9;
 
 /**
- * What goes along with the four of {@link compareValues} and would change: nothing that a robot
- * will apply stays out of sight. A value that it uses and that would no longer be sent is there too.
+ * Returns the further values beside the four of {@link compareValues} that would change: every
+ * value that a robot will apply is displayed. A value in use that would no longer be sent is
+ * included too.
  */
 export function compareBeside(
   from: Values | null | undefined,

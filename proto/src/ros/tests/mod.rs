@@ -8,7 +8,7 @@ mod round_trips;
 
 use super::*;
 
-/// 1700000000.25 s, the stamp of the golden bytes.
+/// Makes a header of 1700000000.25 s, the stamp of the golden bytes.
 fn header(frame_id: &str) -> Header {
     Header {
         stamp: Time {

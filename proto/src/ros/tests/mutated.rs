@@ -3,15 +3,15 @@ use rand::{Rng, SeedableRng};
 
 use super::*;
 
-/// How many payloads are tried, over all types and both encodings.
+/// Number of payloads that are tried, over all types and both encodings.
 const PAYLOADS: usize = 1_000_000;
 
-/// How many bytes of the input a message's own elements took, and what they take in memory.
+/// Number of input bytes of a message's own elements, and their size in memory.
 trait Footprint: RosMessage {
     /// Bytes that a message may take beyond its input: the headers of its strings.
     const FIXED_BYTES: usize = 0;
 
-    /// Bytes of memory behind its sequences and strings.
+    /// Returns the bytes of memory behind its sequences and strings.
     fn allocated_bytes(&self) -> usize;
 }
 
@@ -86,8 +86,8 @@ fn mutate(payload: &mut Vec<u8>, rng: &mut StdRng) {
     }
 }
 
-/// Decodes one payload: it gives a message no larger than its input, or a sentence that names a
-/// field. Says whether it was refused.
+/// Decodes one payload: the result is a message no larger than its input, or a sentence that names
+/// a field. Returns whether it was refused.
 fn decode_hostile<M: Footprint>(encoding: Encoding, payload: &[u8]) -> bool {
     match M::decode(encoding, payload) {
         Ok(message) => {
@@ -110,7 +110,7 @@ fn decode_hostile<M: Footprint>(encoding: Encoding, payload: &[u8]) -> bool {
     }
 }
 
-/// Mutates payloads of one message; returns how many were refused.
+/// Mutates payloads of one message; returns the number of refusals.
 fn attack<M: Footprint>(message: &M, payloads: usize, rng: &mut StdRng) -> usize {
     let sources = [
         (Encoding::Cdr, message.to_cdr()),

@@ -10,17 +10,18 @@ use crate::agent::event::Effect;
 use crate::agent::offer::Refusal;
 use crate::agent::state::{Phase, Rest};
 
-/// How often an answer is repeated that nobody has confirmed: while the deadline runs, and else.
+/// Interval at which an unconfirmed acknowledgement is repeated while the deadline runs.
 const REPEAT_URGENT: Duration = Duration::from_secs(5);
+/// Interval at which it is repeated otherwise.
 const REPEAT: Duration = Duration::from_mins(1);
-/// The same refusal of a document that leaves no trace is not given more often.
+/// Least interval of the same refusal of a document that leaves no trace.
 const SAME_REFUSAL: Duration = Duration::from_secs(30);
-/// Most answers that wait for confirmation; the oldest goes first.
+/// Most acknowledgements that wait for confirmation; the oldest is dropped first.
 const UNSTORED_MAX: usize = 4;
 
 impl Agent {
-    /// The service offers what was decided upon: as long as that is not what the robot holds, it
-    /// has not heard of the decision.
+    /// Handles an offer of a decided document: unless the robot holds it, the service has not
+    /// received the decision.
     pub(super) fn remind(&mut self, envelope: &Envelope, now: RobotTime) -> Vec<Effect> {
         let latest = self.memory.latest.as_ref();
         let about_it = latest.filter(|latest| latest.sha256 == envelope.sha256);
@@ -34,7 +35,7 @@ impl Agent {
         }
     }
 
-    /// Answers a document that leaves no trace.
+    /// Refuses a document that leaves no trace.
     pub(super) fn refuse(&mut self, refusal: Refusal, now: RobotTime) -> Vec<Effect> {
         let said = self
             .last_refusal
@@ -54,7 +55,7 @@ impl Agent {
         })]
     }
 
-    /// Says why a confirmation is not believed, and not more often than a refusal.
+    /// Logs the reason for rejecting a confirmation, no more often than a refusal.
     pub(super) fn disbelieve(&mut self, reason: &str, now: RobotTime) -> Vec<Effect> {
         let said = self.disbelieved_ns;
         if said.is_some_and(|at_ns| now < at_ns.plus(SAME_REFUSAL)) {
@@ -66,7 +67,7 @@ impl Agent {
         ))]
     }
 
-    /// Answers a signed document once and for all.
+    /// Acknowledges a signed document with a final decision.
     pub(super) fn decide(
         &mut self,
         generation: Generation,
@@ -96,7 +97,8 @@ impl Agent {
         vec![Effect::Acknowledge(answer)]
     }
 
-    /// Says all there is to say: the service may be new, or may have been restored from a backup.
+    /// Repeats all acknowledgements: the service may be new, or may have been restored from a
+    /// backup.
     pub(super) fn report(&mut self, now: RobotTime) -> Vec<Effect> {
         let memory = &self.memory;
         let about_held = |answer: &Applied| memory.held.is(answer.generation, &answer.sha256);

@@ -9,9 +9,9 @@ use super::{Agent, seconds};
 use crate::agent::event::{Activation, Effect, HookAnswer};
 use crate::agent::state::{Ending, Fallback, Held, Offer, Outcome, Phase, Rest, Trial};
 
-/// How soon a busy robot is asked again.
+/// Delay before a busy robot is queried again.
 const BUSY_RETRY: Duration = Duration::from_secs(15);
-/// How soon a way back that failed is tried again.
+/// Delay before a failed restoration is tried again.
 const RESTORE_RETRY: Duration = Duration::from_secs(5);
 
 impl Agent {
@@ -127,7 +127,7 @@ impl Agent {
         effects
     }
 
-    /// Gives up values that came into use and that nobody confirmed.
+    /// Reverts values that came into use and were not confirmed.
     pub(super) fn give_up(&mut self, trial: Trial) -> Vec<Effect> {
         let Held {
             generation, sha256, ..
@@ -144,7 +144,7 @@ impl Agent {
         self.go_back(trial.fallback, Rest::Settled, ending)
     }
 
-    /// Gives up values that never came into use: what stood before stands as firmly as before.
+    /// Reverts values that never came into use: the former ones are as settled as before.
     fn take_back(
         &mut self,
         offer: Offer,
@@ -178,7 +178,7 @@ impl Agent {
         vec![restore]
     }
 
-    /// What was confirmed last.
+    /// Returns the state that was confirmed last.
     fn fallback(&self, rest: Rest, before: Option<String>) -> Fallback {
         match rest {
             Rest::Settled => Fallback {
@@ -204,7 +204,7 @@ impl Agent {
         vec![Effect::TellReverted(ending)]
     }
 
-    /// The former values stand again, whatever the hook says to it.
+    /// Completes a reversion: the former values are in use again, whatever the hook returns.
     pub(super) fn reverted(
         &mut self,
         told: Result<(), String>,

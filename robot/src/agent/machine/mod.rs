@@ -16,31 +16,31 @@ use super::event::{Effect, Event, TransitionRefused};
 use super::offer::{Identity, Refusal, Verdict, judge};
 use super::state::{Memory, Phase, Rest, Trial};
 
-/// What a robot that was off while its deadline passed waits for the service, once.
+/// Time for which a robot that was off while its deadline passed waits for the service, once.
 const RESTART_GRACE: Duration = Duration::from_secs(30);
-/// Pushed documents make an agent ask no more often.
+/// Least interval between queries for pushed documents.
 const ASK_PAUSE: Duration = Duration::from_secs(1);
 
-/// A robot's side of the life cycle.
+/// State machine of a robot's side of the life cycle.
 #[derive(Debug, Clone)]
 pub struct Agent {
     identity: Identity,
     memory: Memory,
-    /// A document came while another one was in hand.
+    /// True if a document came while another one was being handled.
     pull_after: bool,
-    /// When the service is asked again: the robot was busy, or more was pushed just after a question.
+    /// Time of the next query: the robot was busy, or more was pushed just after a query.
     pull_at_ns: Option<RobotTime>,
-    /// When a pushed document is a reason to ask again.
+    /// Time from which a pushed document is a reason to query again.
     hint_from_ns: RobotTime,
     restore_again_ns: Option<RobotTime>,
     repeat_at_ns: RobotTime,
     last_refusal: Option<(Refusal, RobotTime)>,
-    /// When it last said that a confirmation is not believed.
+    /// Time of the last logged rejection of a confirmation.
     disbelieved_ns: Option<RobotTime>,
 }
 
 impl Agent {
-    /// An agent that goes on where `memory` ends. Its first event is [`Event::Restarted`].
+    /// Makes an agent that continues from `memory`. Its first event is [`Event::Restarted`].
     pub fn new(identity: Identity, memory: Memory) -> Self {
         Self {
             identity,
@@ -55,15 +55,15 @@ impl Agent {
         }
     }
 
-    /// What it remembers: to be written down before the effects of a step are performed.
+    /// Returns its memory, to be stored before the effects of a step are performed.
     pub fn memory(&self) -> &Memory {
         &self.memory
     }
 
-    /// Takes one event.
+    /// Handles one event.
     ///
     /// # Errors
-    /// When the event cannot happen in this phase; nothing has changed then.
+    /// The event cannot happen in this phase; nothing has changed then.
     pub fn step(&mut self, event: Event, now: RobotTime) -> Result<Vec<Effect>, TransitionRefused> {
         let refused = TransitionRefused::new(&event, &self.memory.phase);
         match (event, self.memory.phase.clone()) {
@@ -191,7 +191,7 @@ impl Agent {
         }
     }
 
-    /// Asks for what was pushed; who pushes much makes it ask once a second.
+    /// Queries the pushed document; many pushes lead to one query a second.
     fn ask_soon(&mut self, now: RobotTime) -> Vec<Effect> {
         if now < self.hint_from_ns {
             let soon = self.hint_from_ns;
@@ -202,8 +202,8 @@ impl Agent {
         vec![Effect::Pull]
     }
 
-    /// Believes what the service has signed alone: an answer is stored, and if it was that what is
-    /// held is in use, it stays.
+    /// Handles a confirmation, trusting only signed content: an acknowledgement is stored, and if
+    /// it reported the held values as in use, they stay.
     fn confirmed(&mut self, confirmed: &Confirmed, now: RobotTime) -> Vec<Effect> {
         let stored = match confirmed.open(&self.identity.trusted) {
             Ok(stored) if stored.robot == self.identity.robot => stored,
@@ -248,8 +248,8 @@ impl Agent {
     }
 }
 
-/// Through a restart the deadline stands. But a clock that was set back does not make it longer,
-/// and a robot that was off when it passed first hears what the service says, once.
+/// Adjusts the deadline after a restart. It stands, but a clock that was set back does not extend
+/// it, and a robot that was off when it passed first waits for the service, once.
 fn put_off(trial: &mut Trial, now: RobotTime) {
     let latest = now.plus(seconds(trial.confirm_within_s));
     trial.until_ns = trial.until_ns.min(latest);

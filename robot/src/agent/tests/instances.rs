@@ -14,9 +14,9 @@ use super::service::{Service, question_of, until};
 use super::wire::Robot;
 use super::*;
 
-/// Another instance, by a session of its own.
+/// Another instance, with a session of its own.
 struct Other {
-    /// Held for what it does while it lives.
+    /// Session, open while it lives.
     _session: zenoh::Session,
     _queryable: Queryable<()>,
 }
@@ -40,7 +40,7 @@ impl Other {
         }
     }
 
-    /// One that has not heard of what was approved last.
+    /// Makes an instance that has not received the latest approval.
     async fn behind(endpoint: &str, envelope: Envelope) -> Self {
         let key = Keys::default().stream(&robot(), StreamKind::CalibrationApproved);
         let answer = move |query: Query| {
@@ -51,7 +51,7 @@ impl Other {
         Self::answering(endpoint, answer).await
     }
 
-    /// One that hears questions and says nothing; how many it has heard.
+    /// Makes an instance that receives queries and never answers, with the queries so far.
     async fn frozen(endpoint: &str) -> (Self, Arc<Mutex<Vec<Query>>>) {
         let heard: Arc<Mutex<Vec<Query>>> = Arc::default();
         let keeps = Arc::clone(&heard);

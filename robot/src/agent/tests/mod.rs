@@ -21,7 +21,7 @@ use fleetcal_proto::signing::{SigningKey, seal, sign};
 
 use super::{Event, Held, Identity, Limits, Memory};
 
-/// When the tests' clocks begin, ns since 1970.
+/// Start of the tests' clocks, ns since 1970.
 pub(super) const START_NS: i64 = 1_795_000_000_000_000_000;
 /// One second, ns.
 pub(super) const SECOND_NS: i64 = 1_000_000_000;
@@ -30,17 +30,17 @@ pub(super) fn robot() -> RobotId {
     RobotId::parse("tugger_01").unwrap()
 }
 
-/// The service's key.
+/// Returns the service's key.
 pub(super) fn key() -> SigningKey {
     SigningKey::from_bytes(&[3; 32])
 }
 
-/// A key that nobody trusts.
+/// Returns an untrusted key.
 pub(super) fn strange_key() -> SigningKey {
     SigningKey::from_bytes(&[4; 32])
 }
 
-/// The values of a generation: no two have the same.
+/// Makes the values of a generation, different for each.
 pub(super) fn values(generation: u64) -> CalibrationValues {
     CalibrationValues {
         steering_offset_rad: 0.001 * generation as f64,
@@ -52,7 +52,7 @@ pub(super) fn values(generation: u64) -> CalibrationValues {
     }
 }
 
-/// A document that a robot which holds the generation before it takes.
+/// Makes a document that a robot with the generation before it accepts.
 pub(super) fn document(generation: u64) -> CalibrationDocument {
     CalibrationDocument {
         schema: CalibrationSchema::V1,
@@ -76,16 +76,16 @@ pub(super) fn sealed(document: &CalibrationDocument) -> Envelope {
     seal(document, &key()).unwrap()
 }
 
-/// What the agent of these tests has asked with.
+/// Returns the question of these tests' agent.
 pub(super) fn question() -> Question {
     Question::from_bytes([7; QUESTION_BYTES])
 }
 
-/// How long the service's word lasts.
+/// Validity of the service's offers.
 pub(super) const WANTED_FOR: Duration = Duration::from_hours(1);
 
-/// The service's word that a document is wanted, in answer to a question. Of what the service did not
-/// sign there is none.
+/// Makes the service's offer of a document, in answer to a question; documents that the service did
+/// not sign get none.
 pub(super) fn wanted(envelope: &Envelope, question: Option<Question>) -> Offered {
     let document = envelope.open(&key().public_key().into()).ok();
     let offer = document.map(|document| OfferDocument {
@@ -103,7 +103,7 @@ pub(super) fn wanted(envelope: &Envelope, question: Option<Question>) -> Offered
     }
 }
 
-/// The answer to the agent's own question.
+/// Makes the answer to the agent's own question.
 pub(super) fn answered(envelope: &Envelope) -> Event {
     Event::Offered {
         offered: wanted(envelope, Some(question())),
@@ -111,7 +111,7 @@ pub(super) fn answered(envelope: &Envelope) -> Event {
     }
 }
 
-/// The service's confirmation of an acknowledgement.
+/// Makes the service's confirmation of an acknowledgement.
 pub(super) fn confirmation_of(applied: &Applied) -> Confirmed {
     let document = ConfirmationDocument::of(robot(), applied);
     Confirmed {
@@ -129,7 +129,7 @@ pub(super) fn identity() -> Identity {
     }
 }
 
-/// What an agent remembers that starts for the first time.
+/// Makes the memory of an agent's first start.
 pub(super) fn first_memory() -> Memory {
     Memory::new(robot(), Held::factory(None, RobotTime(START_NS)))
 }

@@ -10,7 +10,7 @@ fn go() -> Event {
     Event::HookAnswered(HookAnswer::Go { before: None })
 }
 
-/// An agent that has just brought generation 4 into use, and what it says of that.
+/// Makes an agent that has just brought generation 4 into use, with its acknowledgement.
 fn in_use() -> (Agent, Applied) {
     let mut agent = Agent::new(identity(), first_memory());
     let activated = Event::Activated(Activation::Done);
@@ -144,7 +144,8 @@ fn an_offer_that_ended_while_the_hook_was_asked_is_asked_for_again() {
     assert!(is_settled(&agent) && agent.memory().latest.is_none());
 }
 
-/// An end refuses what is new: what is in use and settled stays, however long nobody is reached.
+/// Checks that the end of an offer only refuses new documents: the settled calibration stays in
+/// use, however long the service is unreachable.
 #[test]
 fn a_robot_without_a_service_drives_on_for_years() {
     let (mut agent, said) = in_use();

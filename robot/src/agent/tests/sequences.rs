@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::agent::{Activation, Agent, Effect, Event, HookAnswer, Phase, Rest};
 
-/// What may happen from outside, and how the next questions to the surroundings end.
+/// An outside event, with the outcomes of the next calls to the surroundings.
 #[derive(Debug, Clone)]
 enum Step {
     Offer {
@@ -31,7 +31,7 @@ enum Step {
         writes: bool,
         restores: bool,
     },
-    /// The process ends after so many events and effects from now on, and starts again.
+    /// The process ends after this number of events and effects from now on, and starts again.
     Kill {
         moments: u8,
     },
@@ -51,21 +51,21 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// A robot with a disk: what the file and the memory say survives a kill.
+/// A robot with a disk: file and memory survive a kill.
 struct Robot {
     agent: Agent,
     now: RobotTime,
-    /// Generation whose values the file holds; 0 for what it said before.
+    /// Generation whose values the file holds; 0 for its former content.
     file: u64,
     remembered: Memory,
-    /// The questions in flight: lost with the process.
+    /// Calls in flight, which are lost with the process.
     open: VecDeque<Event>,
     hook: u8,
     activation: u8,
     writes: bool,
     restores: bool,
     moments_left: Option<u8>,
-    /// How often a generation came into use.
+    /// Number of times that each generation came into use.
     came_into_use: BTreeMap<u64, u32>,
     answers: Vec<Applied>,
 }

@@ -20,7 +20,7 @@ use zenoh::query::{Query, Queryable};
 
 use super::*;
 
-/// Longest time anything may take.
+/// Longest wait for a condition.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 #[derive(Debug, Default)]
@@ -30,13 +30,13 @@ struct Stored {
     answers: Vec<Applied>,
 }
 
-/// What a robot asks with.
+/// Returns the question of a robot's query.
 pub fn question_of(query: &Query) -> Option<Question> {
     let payload = query.payload()?.try_to_string().ok()?;
     Question::parse(&payload).ok()
 }
 
-/// A router, and a service in it once it was told to serve.
+/// A router, and a service in it once started.
 pub struct Service {
     pub endpoint: String,
     session: zenoh::Session,
@@ -61,7 +61,7 @@ pub async fn until(what: &str, mut done: impl FnMut() -> bool) {
 }
 
 impl Service {
-    /// A router that serves nobody yet, and listens to what robots answer.
+    /// Makes a router that does not answer yet, and receives the robots' acknowledgements.
     pub async fn router(endpoint: String) -> Self {
         let mut config = zenoh::Config::default();
         for (key, value) in [
@@ -84,7 +84,7 @@ impl Service {
         service
     }
 
-    /// A service that confirms what it stores.
+    /// Starts a service that confirms what it stores.
     pub async fn start() -> Self {
         let mut service = Self::router(free_endpoint()).await;
         service.confirms(true);
@@ -96,7 +96,7 @@ impl Service {
         self.confirms.store(whether, Ordering::SeqCst);
     }
 
-    /// Answers questions from now on, then shows its token.
+    /// Answers queries from now on, then shows its token.
     pub async fn serve(&mut self) {
         let approved = |stored: &Stored, question| {
             let offered = wanted(stored.approved.as_ref()?, question);
@@ -112,7 +112,7 @@ impl Service {
         self.token = Some(declared.unwrap());
     }
 
-    /// Takes its token and its answers back.
+    /// Undeclares its token and its queryables.
     pub async fn leave(&mut self) {
         self.token.take().unwrap().undeclare().await.unwrap();
         for queryable in self.queryables.drain(..) {
@@ -120,7 +120,7 @@ impl Service {
         }
     }
 
-    /// Stores the approved calibration; the next question brings it.
+    /// Stores the approved calibration; the next query returns it.
     pub fn store(&self, envelope: &Envelope) {
         self.stored.lock().unwrap().approved = Some(envelope.clone());
     }
@@ -141,7 +141,7 @@ impl Service {
         self.stored.lock().unwrap().answers.clone()
     }
 
-    /// The first answer of this kind on a generation.
+    /// Returns the first acknowledgement of this kind for a generation.
     pub fn answer_on(&self, generation: u64, status: AppliedStatus) -> Option<Applied> {
         let mut answers = self.answers().into_iter();
         answers
@@ -154,7 +154,7 @@ impl Service {
         self.answer_on(generation, status).unwrap()
     }
 
-    /// The robot listens to what is pushed.
+    /// Waits until the robot subscribes to pushed documents.
     pub async fn wait_for_robot(&self) {
         let key = Keys::default().stream(&robot(), StreamKind::CalibrationApproved);
         let publisher = self.session.declare_publisher(key).await.unwrap();
@@ -182,7 +182,7 @@ impl Service {
         self.queryables.push(queryable.await.unwrap());
     }
 
-    /// Stores every answer, and says so afterwards.
+    /// Stores every acknowledgement, and confirms it afterwards.
     async fn listen(&self) {
         let (sender, mut to_confirm) = mpsc::channel::<Confirmed>(64);
         let (stored, confirms) = (Arc::clone(&self.stored), Arc::clone(&self.confirms));
@@ -214,7 +214,7 @@ impl Service {
     }
 }
 
-/// A link that can be cut: everything between its endpoint and the router's goes through it.
+/// A link that can be cut: all traffic between its endpoint and the router passes through it.
 pub struct Link {
     pub endpoint: String,
     address: String,
@@ -236,7 +236,7 @@ impl Link {
         link
     }
 
-    /// Nothing goes through, and nobody can connect.
+    /// Blocks all traffic and connections.
     pub async fn cut(&mut self) {
         let task = self.task.take().unwrap();
         task.abort();

@@ -15,7 +15,7 @@ fn go() -> Event {
     })
 }
 
-/// What the robot says of a generation, `seconds` after the start of its agent.
+/// Makes the robot's acknowledgement of a generation, `seconds` after the start of its agent.
 fn said(generation: u64, status: AppliedStatus, seconds: i64) -> Applied {
     Applied {
         generation: Generation(generation),
@@ -31,7 +31,8 @@ fn confirmed(generation: u64, status: AppliedStatus, seconds: i64) -> Event {
     Event::Confirmed(confirmation_of(&said(generation, status, seconds)))
 }
 
-/// The confirmation of what [`agents`] say when they have applied 3, and 4 after that.
+/// Makes the confirmation of the acknowledgements of [`agents`] that have applied 3, and 4 after
+/// that.
 fn confirmation(generation: u64) -> Event {
     let seconds = if generation == 3 { 4 } else { 9 };
     confirmed(generation, AppliedStatus::Applied, seconds)
@@ -48,7 +49,8 @@ fn pushed(generation: u64) -> Event {
     }
 }
 
-/// What answered somebody's question once: the document is genuine, and so was the answer.
+/// Makes a recorded answer to somebody else's question: the document is genuine, and so was the
+/// answer.
 fn recorded(generation: u64) -> Event {
     let earlier = Question::from_bytes([1; QUESTION_BYTES]);
     Event::Offered {
@@ -57,7 +59,7 @@ fn recorded(generation: u64) -> Event {
     }
 }
 
-/// An answer of generation 6 with this offer beside it.
+/// Makes an answer of generation 6 with this offer beside it.
 fn beside(offer: Option<Envelope>) -> Event {
     Event::Offered {
         offered: Offered {
@@ -68,7 +70,7 @@ fn beside(offer: Option<Envelope>) -> Event {
     }
 }
 
-/// The agent after these events, a second apart.
+/// Returns the agent after these events, a second apart.
 fn after(events: &[Event]) -> (Agent, i64) {
     let mut agent = Agent::new(identity(), first_memory());
     let mut now = START_NS;
@@ -82,8 +84,7 @@ fn after(events: &[Event]) -> (Agent, i64) {
     (agent, now)
 }
 
-/// An agent of each kind, with the name of what it went through. All hold or handle generation 3
-/// or 4.
+/// Makes an agent of each kind, with the name of its history. All hold or handle generation 3 or 4.
 fn agents() -> Vec<(&'static str, Vec<Event>)> {
     let apply = |generation| {
         [
@@ -319,7 +320,8 @@ fn table() -> String {
     table
 }
 
-/// Each line: what happens → the generation held (`?`: not confirmed), the phase, the effects.
+/// Compares the table, whose lines have: the event → the generation held (`?`: not confirmed), the
+/// phase, the effects.
 #[test]
 fn every_event_in_every_phase_does_what_the_table_says() {
     insta::assert_snapshot!("table", table());

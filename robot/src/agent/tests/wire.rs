@@ -59,8 +59,8 @@ impl Robot {
         }
     }
 
-    /// With a hook that notes its calls and is busy while a file `busy_` and the call's name
-    /// is there.
+    /// Adds a hook that records its calls and is busy while a file `busy_` and the call's name
+    /// exists.
     pub(super) fn with_hook(mut self) -> Self {
         let folder = self.folder.path().display();
         self.options.hook = Some(shell(format!(
@@ -90,7 +90,7 @@ impl Robot {
         fs::read_to_string(&self.options.apply).unwrap_or_default()
     }
 
-    /// Whether the parameters for ROS have this steering offset.
+    /// True if the parameters for ROS have this steering offset.
     fn tells_ros(&self, offset_rad: f64) -> bool {
         let text = fs::read_to_string(self.path("ros.yaml")).unwrap_or_default();
         text.contains(&format!("steering_offset_rad: {offset_rad:.9}\n"))

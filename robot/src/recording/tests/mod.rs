@@ -50,7 +50,7 @@ fn scan(stamp_ns: i64) -> LaserScan {
 const START_NS: i64 = 1_700_000_000_000_000_000;
 const SECOND_NS: i64 = 1_000_000_000;
 
-/// A recording of `seconds` s: drive at 100 Hz, scans at 10 Hz, the truth at 10 Hz.
+/// Makes a recording of `seconds` s: drive at 100 Hz, scans at 10 Hz, the truth at 10 Hz.
 fn recorded(folder: &TempDir, name: &str, seconds: i64) -> PathBuf {
     let path = folder.path().join(name);
     let robot = RobotId::parse("tugger_01").unwrap();

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::*;
 
-/// A folder whose files hold `parts`, each in a file of its own, and its metadata's list.
+/// Makes a folder with each of `parts` in a file of its own, and its metadata's list.
 fn folder(parts: &[(&str, std::ops::Range<i64>)], listed: &[&str]) -> TempDir {
     let folder = TempDir::new().unwrap();
     let robot = RobotId::parse("tugger_01").unwrap();

@@ -26,7 +26,7 @@ fn odometry_on(topic: &str) -> Channel {
     channel(topic, Odometry::TYPE)
 }
 
-/// The flags of drive, scan and pose.
+/// Makes the flags of drive, scan and pose.
 fn asked([drive, scan, pose]: [Option<&str>; 3]) -> AskedTopics {
     let asked = |topic: Option<&str>, by| {
         let topic = topic?.to_owned();
@@ -209,7 +209,7 @@ fn clouds_do_where_there_are_no_scans() {
     assert_eq!(topics.pose, ChosenPose::Scan(cloud));
 }
 
-/// A recording of joints and odometry beside the scans.
+/// Makes a recording of joints and odometry beside the scans.
 fn of_halves() -> [Channel; 4] {
     [
         channel("/a/joint_states", JointState::TYPE),

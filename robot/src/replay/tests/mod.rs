@@ -14,7 +14,7 @@ use crate::recording::RecordingWriter;
 
 const START_NS: i64 = 1_700_000_000_000_000_000;
 
-/// A recording of drive samples at 100 Hz and scans at 10 Hz.
+/// Makes a recording of drive samples at 100 Hz and scans at 10 Hz.
 fn recorded(folder: &TempDir, seconds: i64) -> PathBuf {
     let path = folder.path().join("a.mcap");
     let mut writer = RecordingWriter::create(&path, &RobotId::parse("tugger_01").unwrap()).unwrap();

@@ -18,20 +18,20 @@ use zenoh::sample::{Sample, SampleKind};
 /// Sizes of the service's mailbox.
 const MAILBOX: [usize; 2] = [1024, 8];
 
-/// What the service saw.
+/// Observations of the service.
 #[derive(Debug, Clone, Default)]
 pub struct Seen {
-    /// Stamps of the messages that were worked through, in their order.
+    /// Stamps of the processed messages, in their order.
     pub stamps_ns: Vec<i64>,
-    /// Keys the messages came on.
+    /// Keys of the messages.
     pub keys: BTreeSet<String>,
-    /// Encodings they came in.
+    /// Encodings of the messages.
     pub encodings: Vec<String>,
     /// Most drive samples and scans that waited at once.
     pub waiting_max: [usize; 2],
-    /// What happened to the liveliness token.
+    /// Changes of the liveliness token.
     pub token: Vec<String>,
-    /// How many messages had been worked through when the token went.
+    /// Number of messages processed before the token disappeared.
     pub done_when_token_went: usize,
 }
 
@@ -99,9 +99,9 @@ fn lock(shared: &Shared) -> MutexGuard<'_, Inbox> {
 
 /// A router and a service in it.
 pub struct Service {
-    /// Where it listens.
+    /// Endpoint that it listens on.
     pub endpoint: String,
-    /// Set to make the service forget its counts, as a restart does; unset when it did.
+    /// Set to make the service forget its counts, as a restart does; unset once it did.
     pub forget: Arc<AtomicBool>,
     session: zenoh::Session,
     shared: Shared,
@@ -122,7 +122,7 @@ impl Service {
         Self::start_at(format!("tcp/127.0.0.1:{}", free_port()), pace).await
     }
 
-    /// Starts it where another one was.
+    /// Starts it at another one's endpoint.
     pub async fn start_at(endpoint: String, pace: Duration) -> Self {
         let session = router_at(&endpoint).await;
         // It had other senders before.
@@ -167,23 +167,23 @@ impl Service {
         }
     }
 
-    /// What it saw so far.
+    /// Returns its observations so far.
     pub fn seen(&self) -> Seen {
         lock(&self.shared).seen.clone()
     }
 
-    /// Leaves without a word to anybody.
+    /// Closes without notice.
     pub async fn stop(&self) {
         self.session.close().await.unwrap();
     }
 
-    /// Answers no question for its progress any more.
+    /// Stops answering queries for its progress.
     pub async fn silence(&self) {
         let queryable = self.progress.lock().unwrap().take();
         queryable.unwrap().undeclare().await.unwrap();
     }
 
-    /// Waits until the robot's token went.
+    /// Waits until the robot's token disappears.
     pub async fn wait_until_gone(&self) {
         while self.seen().token.len() < 2 {
             tokio::time::sleep(Duration::from_millis(5)).await;
@@ -224,7 +224,7 @@ async fn answer_progress(session: &zenoh::Session, inbox: Shared) -> Queryable<(
     answering.await.unwrap()
 }
 
-/// Works through the mailbox until the service is dropped.
+/// Processes the mailbox until the service is dropped.
 fn work(inbox: &Shared, forget: &AtomicBool, pace: Duration) {
     loop {
         let next = {
@@ -248,7 +248,7 @@ fn work(inbox: &Shared, forget: &AtomicBool, pace: Duration) {
     }
 }
 
-/// A port that was free a moment ago.
+/// Returns a port that was free a moment ago.
 pub fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0")
         .unwrap()
@@ -257,7 +257,7 @@ pub fn free_port() -> u16 {
         .port()
 }
 
-/// A router without a service, and where it listens.
+/// Opens a router without a service; returns it with its endpoint.
 pub async fn router() -> (zenoh::Session, String) {
     let endpoint = format!("tcp/127.0.0.1:{}", free_port());
     (router_at(&endpoint).await, endpoint)

@@ -11,11 +11,11 @@ use crate::simulator::config::LidarOutput;
 use crate::simulator::steering_curve::SteeringCurve;
 use crate::simulator::vehicle::VehicleTruth;
 
-/// Flattest steering curve: below this the shown angle hardly tells the wheel's.
+/// Flattest steering curve: below this the shown angle hardly determines the wheel's.
 const LEAST_SLOPE: f64 = 0.05;
 
 impl Imperfections {
-    /// Checks every number, on the vehicle and the LiDAR that have them.
+    /// Checks every number, for the vehicle and the LiDAR that have them.
     ///
     /// # Errors
     /// Names the first value that cannot be simulated.
@@ -192,7 +192,7 @@ impl ScannerImperfections {
         ])
     }
 
-    /// A robot that sends poses has no beams that could be imperfect.
+    /// Checks that a robot which sends poses has no imperfect beams.
     fn check_absent(&self) -> Result<(), SettingRefused> {
         let flag = |set: bool| f64::from(u8::from(set));
         for (field, value) in [

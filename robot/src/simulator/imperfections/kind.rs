@@ -9,21 +9,21 @@ use serde::{Deserialize, Serialize};
 use super::Imperfections;
 use crate::simulator::random::{Stream, stream};
 
-/// How large an imperfection is.
+/// Strength of an imperfection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Strength {
-    /// As on a robot in good order.
+    /// Typical of a robot in good order.
     Typical,
     /// Three times that.
     Strong,
 }
 
 impl Strength {
-    /// Both.
+    /// Both strengths.
     pub const ALL: [Self; 2] = [Self::Typical, Self::Strong];
 
-    /// How many times the typical size.
+    /// Returns the multiple of the typical size.
     pub const fn times(self) -> f64 {
         match self {
             Self::Typical => 1.0,
@@ -31,7 +31,7 @@ impl Strength {
         }
     }
 
-    /// Its name.
+    /// Returns its name.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Typical => "typical",
@@ -40,7 +40,7 @@ impl Strength {
     }
 }
 
-/// One imperfection. `docs/assumptions.md` gives the source of each typical size.
+/// Kind of an imperfection. `docs/assumptions.md` gives the source of each typical size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ImperfectionKind {
@@ -58,7 +58,7 @@ pub enum ImperfectionKind {
     SteeringLag,
     /// The shown angle is 100 ms late.
     SteeringDelay,
-    /// Steps of 0.25° of the steering encoder, and nothing that makes the wheel tremble.
+    /// Steps of 0.25° of the steering encoder, without anything that makes the wheel tremble.
     EncoderSteps,
     /// Configured wheelbase, 2 %.
     Wheelbase,
@@ -103,7 +103,7 @@ pub enum ImperfectionKind {
 }
 
 impl ImperfectionKind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 26] = [
         Self::SteeringGain,
         Self::SteeringAsymmetry,
@@ -133,7 +133,7 @@ impl ImperfectionKind {
         Self::RangeScale,
     ];
 
-    /// Its name: `steering_gain` and so on.
+    /// Returns its name: `steering_gain` and so on.
     pub const fn name(self) -> &'static str {
         match self {
             Self::SteeringGain => "steering_gain",
@@ -165,12 +165,12 @@ impl ImperfectionKind {
         }
     }
 
-    /// The kind of a name.
+    /// Returns the kind of a name.
     pub fn by_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    /// Whether it acts on beams, so that a robot has to send scans to show it.
+    /// True if it acts on beams, so that a robot has to send scans to show it.
     pub const fn needs_scans(self) -> bool {
         matches!(
             self,
@@ -184,7 +184,7 @@ impl ImperfectionKind {
         )
     }
 
-    /// Whether it has a size. A scanner that sends no beam times, stamps at the end or has another
+    /// True if it has a size. A scanner that sends no beam times, stamps at the end or has another
     /// rate has none: its strong form is its typical one.
     pub const fn has_size(self) -> bool {
         !matches!(
@@ -199,26 +199,26 @@ impl ImperfectionKind {
 }
 
 impl Imperfections {
-    /// One imperfection at its typical size.
+    /// Makes one imperfection at its typical size.
     pub fn typical(kind: ImperfectionKind) -> Self {
         Self::single(kind, Strength::Typical.times())
     }
 
-    /// One imperfection at three times its typical size.
+    /// Makes one imperfection at three times its typical size.
     pub fn strong(kind: ImperfectionKind) -> Self {
         Self::single(kind, Strength::Strong.times())
     }
 
-    /// One imperfection at so many times its typical size; a negative number turns the sign where
-    /// there is one.
+    /// Makes one imperfection at a multiple of its typical size; a negative number inverts its
+    /// sign, if it has one.
     pub fn single(kind: ImperfectionKind, times: f64) -> Self {
         let mut one = Self::default();
         one.add(kind, times);
         one
     }
 
-    /// One imperfection of exactly that strength, with the sign (and a tilt's direction) drawn from
-    /// the seed.
+    /// Makes one imperfection of exactly that strength, with the sign (and a tilt's direction)
+    /// drawn from the seed.
     pub fn drawn(kind: ImperfectionKind, strength: Strength, seed: u64) -> Self {
         let mut random = imperfection_stream(seed);
         let mut one = Self::single(kind, strength.times() * sign(&mut random));
@@ -228,10 +228,10 @@ impl Imperfections {
         one
     }
 
-    /// Every imperfection at once: each of half to one and a half times its typical size, its sign
-    /// drawn. The scan rate is between 5 and 40 Hz; every other robot leaves out the beams' times,
-    /// every other one stamps at the scan's end, and the steering either lags or is late. Without
-    /// `scans` those of beams are left out.
+    /// Makes every imperfection at once: each of half to one and a half times its typical size, its
+    /// sign drawn. The scan rate is between 5 and 40 Hz; every other robot leaves out the beams'
+    /// times, every other one stamps at the scan's end, and the steering either lags or is late.
+    /// Without `scans` those of beams are left out.
     pub fn all_typical(seed: u64, scans: bool) -> Self {
         let mut random = imperfection_stream(seed);
         let mut all = Self::default();

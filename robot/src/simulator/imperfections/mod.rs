@@ -34,9 +34,9 @@ pub struct Imperfections {
 
 /// Imperfections of steering, wheels and tyres.
 ///
-/// Each is named with what it does when the drive is *mirrored* (left for right) and *reversed* (the
-/// same steering, the speed with the other sign). Unless said otherwise it stays: what linkages, sensors
-/// and wheels do depends on angles and time, not on which way the wheels roll.
+/// Each is described with its effect when the drive is *mirrored* (left for right) and *reversed*
+/// (the same steering, the speed with the other sign). Unless stated otherwise it stays: linkages,
+/// sensors and wheels depend on angles and time, not on the direction of rolling.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VehicleImperfections {
@@ -58,25 +58,25 @@ pub struct VehicleImperfections {
     /// Time constant with which the wheel follows the angle that the wheel odometry shows, s: a
     /// servo whose command is sent as its angle. The speed does not lag.
     pub steering_lag_s: f64,
-    /// How much later the wheel odometry shows an angle than the speed of the same moment, s.
+    /// Delay of an angle in the wheel odometry against the speed of the same moment, s.
     pub steering_delay_s: f64,
     /// Step of the steering encoder on a robot whose wheel does not tremble, rad: in place of the
     /// configured step, and localisation and steering are without noise. 0 leaves all three.
     pub undithered_step_rad: f64,
     /// Configured wheelbase over the true one, less 1. The robot follows its path with the
-    /// configured one, and a calibration is told that one.
+    /// configured one, and a calibration is configured with that one.
     pub wheelbase: f64,
     /// Unequal wheels `e`: the left rear wheel is larger by this share than the encoder assumes,
     /// the right one smaller. With half a track `h` of 0.4 wheelbases the mean of both shows
     /// `(v + e·h·yaw_rate)/(1 - e²)`. A tricycle measures at one wheel and has no such mean. Mirrored
     /// it changes sign.
     pub wheel_sizes: f64,
-    /// Where the speed is measured, to the left of the axle's middle, m:
-    /// `speed_shown = v - y·yaw_rate`. Mirrored it changes sign.
+    /// Place of the speed measurement, to the left of the axle's middle, m: `speed_shown = v -
+    /// y·yaw_rate`. Mirrored it changes sign.
     pub speed_encoder_y_m: f64,
     /// Slip angle of the rear axle for each m/s² of lateral acceleration, outwards, rad:
-    /// `side_speed = |v|·tan(-slip·v·yaw_rate)`, the same backwards as forwards, as the force on the
-    /// tyres points into the bend both times.
+    /// `side_speed = |v|·tan(-slip·v·yaw_rate)`, the same backwards as forwards, as the force on
+    /// the tyres points into the bend both times.
     pub side_slip_rad_per_mps2: f64,
     /// Slip angle of the front axle beyond the rear one's, for each m/s² of lateral acceleration,
     /// rad: `yaw_rate = v·tan(steering)/(wheelbase + understeer·|v|·v)`. The force is the same both
@@ -90,7 +90,8 @@ pub struct VehicleImperfections {
 pub struct LidarImperfections {
     /// Scans or poses in a second, in place of the configured number.
     pub scan_rate_hz: Option<f64>,
-    /// Measured lengths over true ones, less 1: of a scan its ranges, of poses their positions.
+    /// Measured lengths over true ones, less 1: for scans of their ranges, for poses of their
+    /// positions.
     pub range_scale: f64,
 }
 
@@ -98,20 +99,20 @@ pub struct LidarImperfections {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ScannerImperfections {
-    /// Added to every range, m.
+    /// Bias of every range, m.
     pub range_bias_m: f64,
-    /// Added to a range at 60° of incidence, m: `bias·(1 - cos(incidence))/(1 - cos(60°))`. People
+    /// Bias of a range at 60° of incidence, m: `bias·(1 - cos(incidence))/(1 - cos(60°))`. People
     /// are met at 0°.
     pub incidence_bias_m: f64,
-    /// Whether `time_increment` is sent as 0 although the beams are taken one after another.
+    /// True if `time_increment` is sent as 0 although the beams are measured one after another.
     pub untimed_beams: bool,
-    /// Whether a scan is stamped when its last beam is in instead of at its first beam.
+    /// True if a scan is stamped at its last beam instead of its first.
     pub stamped_at_end: bool,
     /// Probability that a beam between two surfaces whose ranges differ by more than 0.15 m shows
     /// a range between them.
     pub mixed_pixels: f64,
-    /// How far the scanning plane is tilted, rad. The LiDAR is 0.2 m above the floor, which the
-    /// lower beams may meet.
+    /// Tilt of the scanning plane, rad. The LiDAR is 0.2 m above the floor, which the lower beams
+    /// may meet.
     pub tilt_rad: f64,
     /// Direction in the LiDAR's frame in which a tilted plane points down, rad.
     pub tilt_direction_rad: f64,
@@ -123,14 +124,14 @@ pub struct ScannerImperfections {
 pub struct ClockImperfections {
     /// Rate of the wheel odometry's clock over the LiDAR's, less 1: 1e-4 is 100 ppm.
     pub drive_drift: f64,
-    /// Standard deviation of every stamp of both streams, s; a stream's stamps still rise.
+    /// Standard deviation of every stamp of both streams, s; a stream's stamps still increase.
     pub stamp_jitter_s: f64,
     /// Share of the messages of both streams that are lost.
     pub lost_messages: f64,
 }
 
 impl Imperfections {
-    /// Whether there is none at all.
+    /// True if there is no imperfection.
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }

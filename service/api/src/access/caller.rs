@@ -17,33 +17,33 @@ use crate::problem::Problem;
 /// Characters of a client's own request id that the audit keeps.
 const REQUEST_ID_CHARS_MAX: usize = 64;
 
-/// Who calls. A handler that takes one is only called by somebody whom the table of permissions
-/// lets in; [`Caller::actor`] is for the audit.
+/// Caller of a request. A handler with this argument is called only if the table of permissions
+/// admits the caller; [`Caller::actor`] is for the audit.
 #[derive(Debug, Clone)]
 pub(crate) struct Caller {
-    /// Who, for the audit.
+    /// Actor for the audit.
     pub(crate) actor: Actor,
-    /// What the caller may do.
+    /// Grant of the caller.
     pub(crate) grant: Grant,
-    /// What the caller showed.
+    /// Credential in the request.
     pub(crate) credential: Credential,
-    /// When the session began and was last used.
+    /// Begin and last use of the session.
     pub(super) session: Option<SessionSpan>,
-    /// What the route asks.
+    /// Requirement of the route.
     pub(super) route: Asked,
 }
 
-/// What a route asks of its caller.
+/// Requirement of a route.
 #[derive(Debug, Clone)]
 pub(super) struct Asked {
-    /// By the table of permissions.
+    /// Permission by the table.
     pub(super) access: Access,
-    /// The robot that the path names.
+    /// Robot that the path names.
     pub(super) robot: Option<String>,
 }
 
 impl Asked {
-    /// Whether somebody with `grant` may call it.
+    /// True if a caller with `grant` may call the route.
     pub(super) fn permits(&self, grant: &Grant) -> bool {
         self.access.permits(grant, self.robot.as_deref())
     }
@@ -57,7 +57,7 @@ impl<S: Send + Sync> FromRequestParts<S> for Caller {
     }
 }
 
-/// Finds out who calls a route.
+/// Identifies the caller of a route.
 pub(super) async fn authenticate(
     api: &ApiState,
     parts: &Parts,
@@ -77,7 +77,7 @@ pub(super) async fn authenticate(
     Ok(caller)
 }
 
-/// Who showed a credential.
+/// Identifies the account of a credential.
 async fn known(api: &ApiState, credential: Credential, route: Asked) -> Result<Caller, Problem> {
     let now = api.clock.now();
     match credential {
@@ -135,8 +135,8 @@ fn actor(name: &str, grant: &Grant, credential: Credential) -> Actor {
     }
 }
 
-/// What a request shows: a token before a cookie. A credential that cannot be one is refused, not
-/// overlooked.
+/// Credential of a request: a token before a cookie. A malformed credential is refused, not
+/// ignored.
 fn shown(api: &ApiState, headers: &HeaderMap) -> Result<Option<Credential>, Problem> {
     if let Some(value) = headers.get(header::AUTHORIZATION) {
         let token = value
@@ -163,7 +163,7 @@ fn shown(api: &ApiState, headers: &HeaderMap) -> Result<Option<Credential>, Prob
     }
 }
 
-/// A request, for the audit: its id, and where it came from.
+/// Record of a request for the audit: its id and client address.
 pub(super) fn http_request(parts: &Parts) -> HttpRequest {
     let id = parts.extensions.get::<RequestId>();
     let id = id.and_then(|id| id.header_value().to_str().ok());
@@ -183,9 +183,9 @@ pub(super) fn unauthorised(code: &'static str, detail: &str) -> Problem {
     Problem::new(StatusCode::UNAUTHORIZED, code, detail)
 }
 
-/// Ends when the caller may no longer have what the route gives: the session ended, the token was
-/// revoked, or the role is no longer what the route asks. Asks the database now and then; while that
-/// fails, nothing is taken from anybody.
+/// Ends when the caller loses the permission for the route: the session ended, the token was
+/// revoked, or the role no longer suffices. It queries the database periodically; while that fails,
+/// the permission stays.
 pub(crate) async fn permission_ended(api: ApiState, caller: Caller) {
     loop {
         tokio::time::sleep(limits::STREAM_ACCESS_CHECKED_EVERY).await;

@@ -1,22 +1,23 @@
-//! The session's cookie.
+//! Cookie of a session.
 
 use axum::http::{HeaderMap, HeaderValue, header};
 use fleetcal_domain::access::SessionValue;
 use fleetcal_domain::limits;
 
-/// How the session's cookie is named and protected.
+/// Name and protection of the session's cookie.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CookiePolicy {
     https: bool,
 }
 
 impl CookiePolicy {
-    /// The policy of a service that people reach over HTTPS, or not.
+    /// Makes the policy of a service that is reached over HTTPS or not.
     pub(super) const fn new(https: bool) -> Self {
         Self { https }
     }
 
-    /// Over HTTPS the name itself binds the cookie to this host and to encrypted connections.
+    /// Name of the cookie. Over HTTPS it binds the cookie to this host and to encrypted
+    /// connections.
     const fn name(self) -> &'static str {
         if self.https {
             "__Host-fleetcal_session"
@@ -25,12 +26,12 @@ impl CookiePolicy {
         }
     }
 
-    /// `Set-Cookie` of a new session.
+    /// Header `Set-Cookie` of a new session.
     pub(super) fn set(self, session: &SessionValue) -> HeaderValue {
         self.header(session.reveal(), limits::SESSION_MAX.as_secs())
     }
 
-    /// `Set-Cookie` that takes the cookie away.
+    /// Header `Set-Cookie` that removes the cookie.
     pub(super) fn clear(self) -> HeaderValue {
         self.header("", 0)
     }
@@ -43,7 +44,7 @@ impl CookiePolicy {
         HeaderValue::from_str(&text).unwrap_or(HeaderValue::from_static(""))
     }
 
-    /// The session that a request shows, and whether it shows any.
+    /// Session in a request's cookie, if it has one.
     pub(super) fn session(self, headers: &HeaderMap) -> Option<Result<SessionValue, Garbage>> {
         let shown = headers
             .get_all(header::COOKIE)
@@ -56,7 +57,7 @@ impl CookiePolicy {
     }
 }
 
-/// A cookie that has not the form of one of ours.
+/// Malformed cookie.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Garbage;
 

@@ -12,33 +12,33 @@ use crate::page::page_limit;
 use crate::problem::Problem;
 use crate::time;
 
-/// Who is signed in.
+/// Caller that is signed in, or whose token it is.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Session)]
 pub(super) struct SessionDocument {
-    /// The user's or token's name.
+    /// Name of the user or token.
     pub(super) name: String,
-    /// What the caller may do.
+    /// Role of the caller.
     pub(super) role: Role,
-    /// How the caller proved it.
+    /// Kind of credential of the request.
     pub(super) credential: CredentialKind,
-    /// When the session ends unless it is used again.
+    /// End of the session unless it is used again.
     #[schema(value_type = Option<String>, format = DateTime)]
     pub(super) ends: Option<Timestamp>,
 }
 
-/// How a caller proved who it is.
+/// Kind of credential.
 #[derive(Debug, Clone, Copy, Serialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum CredentialKind {
-    /// By a session's cookie.
+    /// Session's cookie.
     Session,
-    /// By an API token.
+    /// API token.
     Token,
 }
 
 impl SessionDocument {
-    /// The document of a caller.
+    /// Document of a caller.
     pub(super) fn of(caller: Caller) -> Self {
         Self {
             role: caller.grant.role(),
@@ -52,28 +52,28 @@ impl SessionDocument {
     }
 }
 
-/// Somebody who signs in.
+/// User who can sign in.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = User)]
 pub(super) struct UserDocument {
     id: UserId,
     name: String,
     role: Role,
-    /// Whether signing in is refused.
+    /// True if signing in is refused.
     disabled: bool,
-    /// Goes up by one with every change; the `ETag`.
+    /// Version, incremented with every change; the `ETag`.
     version: Version,
     #[schema(value_type = String, format = DateTime)]
     created: Timestamp,
     #[schema(value_type = String, format = DateTime)]
     updated: Timestamp,
-    /// When the user last signed in.
+    /// Time of the last sign-in.
     #[schema(value_type = Option<String>, format = DateTime)]
     signed_in: Option<Timestamp>,
 }
 
 impl UserDocument {
-    /// The document of a user.
+    /// Document of a user.
     pub(super) fn of(record: &UserRecord) -> Self {
         Self {
             id: record.id,
@@ -92,40 +92,39 @@ impl UserDocument {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct UserPage {
     pub(super) items: Vec<UserDocument>,
-    /// `cursor` of the next page; absent on the last one.
+    /// Value of `cursor` for the next page; absent on the last one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) next: Option<String>,
 }
 
-/// An API token, without its value.
+/// API token, without its value.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Token)]
 pub(super) struct TokenDocument {
     id: TokenId,
     name: String,
     role: Role,
-    /// The one robot that a token of role `robot` is for.
+    /// Robot of a token of role `robot`.
     robot: Option<RobotId>,
-    /// Whether it counts.
+    /// Validity of the token.
     state: TokenStateSchema,
     created_by: String,
     #[schema(value_type = String, format = DateTime)]
     created: Timestamp,
-    /// When it ends by itself.
+    /// End of its validity, if it has one.
     #[schema(value_type = Option<String>, format = DateTime)]
     expires: Option<Timestamp>,
     #[schema(value_type = Option<String>, format = DateTime)]
     revoked: Option<Timestamp>,
-    /// When it was last used, to the minute.
+    /// Time of its last use, to the minute.
     #[schema(value_type = Option<String>, format = DateTime)]
     last_used: Option<Timestamp>,
-    /// What to send as `Authorization: Bearer …`. Only in the answer that makes the token, and
-    /// never again.
+    /// Value to send as `Authorization: Bearer …`, in the answer that creates the token alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) value: Option<String>,
 }
 
-/// Whether a token counts.
+/// Validity of a token.
 #[derive(Debug, Clone, Copy, Serialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 #[schema(as = TokenState)]
@@ -136,7 +135,7 @@ enum TokenStateSchema {
 }
 
 impl TokenDocument {
-    /// The document of a token at `now`.
+    /// Document of a token at `now`.
     pub(super) fn of(record: &TokenRecord, now: WallTime) -> Self {
         Self {
             id: record.id,
@@ -162,12 +161,12 @@ impl TokenDocument {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct TokenPage {
     pub(super) items: Vec<TokenDocument>,
-    /// `cursor` of the next page; absent on the last one.
+    /// Value of `cursor` for the next page; absent on the last one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) next: Option<String>,
 }
 
-/// Which page of a list.
+/// Page of a list.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
@@ -175,12 +174,12 @@ pub(super) struct PageParameters {
     /// Entries of a page, 1 to 1000.
     #[param(value_type = Option<u32>)]
     limit: Option<String>,
-    /// `next` of the page before.
+    /// Value of `next` of the previous page.
     cursor: Option<String>,
 }
 
 impl PageParameters {
-    /// The number behind which the page begins, and how many it has at most.
+    /// Number that the page begins after, and its largest length.
     pub(super) fn checked(&self) -> Result<(i64, u32), Problem> {
         let limit = page_limit(self.limit.as_deref())?;
         let after = match self.cursor.as_deref() {

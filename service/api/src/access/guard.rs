@@ -1,4 +1,4 @@
-//! Guard before every route: the table of permissions, and no orders from other sites.
+//! Guard before every route: the table of permissions, and no cross-site requests.
 
 use axum::body::Body;
 use axum::extract::{MatchedPath, Request, State};
@@ -14,8 +14,8 @@ use crate::ApiState;
 use crate::problem::Problem;
 use fleetcal_http::PublicUrl;
 
-/// Lets a request through to its route when the table of permissions says so, with its
-/// [`super::Caller`].
+/// Passes a request to its route, with its [`super::Caller`], if the table of permissions admits
+/// it.
 pub(crate) async fn authorise(
     State(api): State<ApiState>,
     request: Request,
@@ -52,8 +52,8 @@ async fn admitted(api: &ApiState, request: Request) -> Result<Request, Problem> 
     Ok(Request::from_parts(parts, body))
 }
 
-/// The robot that a path names, as it is written there: one that is written in another way, such
-/// as with percent signs, equals no robot's id.
+/// Robot that a path names, in the path's spelling: any other spelling, such as with percent signs,
+/// equals no robot's id.
 fn robot_of<'a>(template: &str, path: &'a str) -> Option<&'a str> {
     let at = template
         .split('/')
@@ -63,8 +63,8 @@ fn robot_of<'a>(template: &str, path: &'a str) -> Option<&'a str> {
     path.split('/').nth(at + 1)
 }
 
-/// Refuses what a page of another site makes a browser send: browsers say by `Sec-Fetch-Site` or
-/// `Origin` whose page asks. Reading is left alone, and so are tools, which send neither.
+/// Refuses requests that a page of another site makes a browser send, by `Sec-Fetch-Site` or
+/// `Origin`. Requests that only read pass, and so do those of tools, which send neither header.
 pub(crate) fn cross_origin_refused(
     public_url: Option<&PublicUrl>,
 ) -> CsrfLayer<impl FnMut(ProtectionError) -> Response<Body> + Clone + use<>> {

@@ -1,5 +1,5 @@
-//! Access to routes: credentials, the table of permissions, and the routes about users, sessions
-//! and tokens.
+//! Access to routes: credentials, the table of permissions, and the routes of users, sessions and
+//! tokens.
 
 mod caller;
 mod cookie;
@@ -33,26 +33,26 @@ pub(super) use table::TABLE;
 pub(super) use table::access as of_route;
 pub(super) use writes::count as count_writes;
 
-/// What the API has to know about access besides the store.
+/// Settings of the API's access.
 #[derive(Debug, Clone, Default)]
 pub struct AccessSetup {
-    /// Where people reach the service, when that is not the address it listens on.
+    /// Public address of the service, if it differs from the address it listens on.
     pub public_url: Option<PublicUrl>,
 }
 
-/// What the routes about access share.
+/// State shared by the routes of access.
 #[derive(Debug, Clone)]
 pub(super) struct AccessState {
     cookies: CookiePolicy,
     passwords: PasswordWork,
     limits: Arc<SignInLimits>,
     writes: Arc<CallerWrites>,
-    /// Whether there is a user; it stays so, since the last administrator cannot be removed.
+    /// True if there is a user; it stays so, since the last administrator cannot be removed.
     has_users: Arc<AtomicBool>,
 }
 
 impl AccessState {
-    /// The state of a service that has just started.
+    /// State of a service that has just started.
     pub(super) fn new(setup: &AccessSetup) -> Self {
         let https = setup.public_url.as_ref().is_some_and(PublicUrl::is_https);
         Self {
@@ -74,7 +74,7 @@ impl AccessState {
     }
 }
 
-/// The routes about access.
+/// Routes of access.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(

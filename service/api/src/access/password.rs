@@ -11,9 +11,9 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::problem::Problem;
 
-/// Hashes passwords on threads of their own. Each takes 19 MiB and a core for a while, so a flood
-/// of them waits in a short queue and is then refused. Strangers never take the last thread, nor
-/// the places in which those who are known wait.
+/// Hashes passwords on threads of their own. Each needs 19 MiB and a core for a while, so a flood
+/// of them waits in a short queue and is then refused. Strangers never get the last thread, nor the
+/// queue places of known clients.
 #[derive(Debug, Clone)]
 pub(super) struct PasswordWork {
     running: Arc<Semaphore>,
@@ -35,7 +35,7 @@ impl Default for PasswordWork {
 }
 
 impl PasswordWork {
-    /// Whether `candidate` is the password of `hash`.
+    /// True if `candidate` is the password of `hash`.
     pub(super) async fn verify(
         &self,
         whose: Whose,
@@ -45,7 +45,7 @@ impl PasswordWork {
         self.run(whose, move || hash.verify(&candidate)).await
     }
 
-    /// The hash of a new password.
+    /// Hashes a new password.
     pub(super) async fn hash(&self, text: &str) -> Result<PasswordHash, Problem> {
         let password = Password::parse(text).map_err(|refused| {
             let status = StatusCode::UNPROCESSABLE_ENTITY;
@@ -93,7 +93,7 @@ fn busy() -> Problem {
 
 pub(super) fn failed(error: &impl std::fmt::Display) -> Problem {
     tracing::error!(%error, "a credential could not be made");
-    let detail = "the request made the service fail; its log says more";
+    let detail = "the service failed; its log has the details";
     Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "failed", detail)
 }
 

@@ -23,7 +23,7 @@ use crate::extract::{Body, NoParameters, Parameters};
 use crate::problem::Problem;
 use crate::time;
 
-/// A name and its password.
+/// Name of a user, with the password.
 #[derive(Deserialize, utoipa::ToSchema)]
 #[schema(as = SignIn)]
 #[serde(deny_unknown_fields)]
@@ -33,8 +33,9 @@ pub(super) struct SignInDocument {
     password: String,
 }
 
-/// Signs in: the answer sets the session's cookie. A session ends after twelve hours without use,
-/// and after seven days in any case.
+/// Signs in: the answer sets the session's cookie.
+///
+/// A session ends after twelve hours without use, and after seven days in any case.
 #[utoipa::path(
     post,
     path = "/session",
@@ -46,7 +47,7 @@ pub(super) struct SignInDocument {
             body = SessionDocument, headers(("Set-Cookie" = String, description = "The session."))),
         (status = UNAUTHORIZED, description = "The name or the password is wrong"),
         (status = TOO_MANY_REQUESTS,
-            description = "Too many attempts; `Retry-After` says how long to wait"),
+            description = "Too many attempts; `Retry-After` has the time to wait"),
     )
 )]
 pub(super) async fn sign_in(
@@ -73,13 +74,13 @@ pub(super) async fn sign_in(
     Ok(begun(&api, &written.record, &session))
 }
 
-/// A new session's value.
+/// Makes a new session's value.
 pub(super) fn new_session() -> Result<SessionValue, Problem> {
     let random = entropy::secret().map_err(|error| failed(&error))?;
     Ok(SessionValue::new(&random))
 }
 
-/// The answer that gives a browser its session.
+/// Answer that gives a browser its session.
 pub(super) fn begun(api: &ApiState, user: &UserRecord, session: &SessionValue) -> Response {
     let now = api.clock.now();
     let span = SessionSpan {
@@ -99,7 +100,7 @@ pub(super) fn begun(api: &ApiState, user: &UserRecord, session: &SessionValue) -
     (StatusCode::CREATED, headers, Json(document)).into_response()
 }
 
-/// A request, for the audit of what nobody was known to do before it.
+/// Record of a request, for the audit of actions without a known caller.
 #[derive(Debug)]
 pub(super) struct OfRequest(pub(super) HttpRequest);
 
@@ -111,7 +112,7 @@ impl<S: Send + Sync> axum::extract::FromRequestParts<S> for OfRequest {
     }
 }
 
-/// Says who is signed in, or whose token it is.
+/// Returns the caller: the user who is signed in, or the token.
 #[utoipa::path(
     get,
     path = "/session",
@@ -129,7 +130,7 @@ pub(super) async fn get_session(
     Json(SessionDocument::of(caller))
 }
 
-/// Signs out: the session ends, and its cookie goes.
+/// Signs out: ends the session and removes its cookie.
 #[utoipa::path(
     delete,
     path = "/session",
@@ -150,19 +151,21 @@ pub(super) async fn sign_out(
     Ok((StatusCode::NO_CONTENT, cleared).into_response())
 }
 
-/// The old and the new password.
+/// Change of one's own password.
 #[derive(Deserialize, utoipa::ToSchema)]
 #[schema(as = PasswordChange)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PasswordChangeDocument {
     #[schema(format = Password)]
     current: String,
-    /// 12 to 128 characters.
+    /// New password, 12 to 128 characters.
     #[schema(format = Password, min_length = 12, max_length = 128)]
     password: String,
 }
 
-/// Changes the caller's own password. The caller's other sessions end.
+/// Changes the caller's own password.
+///
+/// The caller's other sessions end.
 #[utoipa::path(
     post,
     path = "/session/password",
@@ -172,7 +175,7 @@ pub(super) struct PasswordChangeDocument {
         (status = NO_CONTENT, description = "The password is changed"),
         (status = CONFLICT, description = "The current password is wrong"),
         (status = TOO_MANY_REQUESTS,
-            description = "Too many attempts; `Retry-After` says how long to wait"),
+            description = "Too many attempts; `Retry-After` has the time to wait"),
     )
 )]
 pub(super) async fn change_password(
@@ -200,7 +203,8 @@ pub(super) async fn change_password(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// The session goes on when its user mistypes the password, so the answer is no 401.
+/// Converts the problem of a wrong current password to a 409: with a 401 a client would treat the
+/// session as ended.
 fn wrong_current(problem: Problem) -> Problem {
     if problem.status() == StatusCode::UNAUTHORIZED {
         let detail = "the current password is wrong";

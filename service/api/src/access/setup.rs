@@ -1,4 +1,4 @@
-//! `POST /setup`: the first administrator.
+//! Route `POST /setup`: the first administrator.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -16,22 +16,24 @@ use crate::ApiState;
 use crate::extract::{Body, NoParameters, Parameters};
 use crate::problem::Problem;
 
-/// The first administrator.
+/// First administrator, to be created.
 #[derive(Deserialize, utoipa::ToSchema)]
 #[schema(as = Setup)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SetupDocument {
-    /// The code of the link that the service printed at its start.
+    /// Code of the link that the service printed at its start.
     code: String,
     #[schema(max_length = 64)]
     name: String,
-    /// 12 to 128 characters.
+    /// Password, 12 to 128 characters.
     #[schema(format = Password, min_length = 12, max_length = 128)]
     password: String,
 }
 
-/// Makes the first administrator, signed in, with the code that a service without users prints at
-/// its start. Counts once, and for a day.
+/// Creates the first administrator, signed in, with the code that a service without users prints at
+/// its start.
+///
+/// The code is valid once, and for a day.
 #[utoipa::path(
     post,
     path = "/setup",
@@ -44,7 +46,7 @@ pub(super) struct SetupDocument {
         (status = FORBIDDEN, description = "The setup code is wrong or has expired"),
         (status = CONFLICT, description = "There are users already"),
         (status = TOO_MANY_REQUESTS,
-            description = "Too many attempts; `Retry-After` says how long to wait"),
+            description = "Too many attempts; `Retry-After` has the time to wait"),
     )
 )]
 pub(super) async fn set_up(

@@ -21,8 +21,8 @@ pub(super) fn too_many(wait: Duration) -> Problem {
     Problem::new(StatusCode::TOO_MANY_REQUESTS, "too_many_tries", detail).retry_after(seconds)
 }
 
-/// Counts a try under a name: at this process, and in a cluster over all instances, whose balancer
-/// may send each try to another one.
+/// Counts an attempt to sign in under a name: at this process, and in a cluster over all instances,
+/// whose balancer may send each attempt to another one.
 async fn count(api: &ApiState, peer: PeerAddress, name: &str) -> Result<Whose, Problem> {
     let limits = &api.access.limits;
     let now = api.clock.elapsed();
@@ -43,7 +43,7 @@ async fn count(api: &ApiState, peer: PeerAddress, name: &str) -> Result<Whose, P
     Ok(whose)
 }
 
-/// What one try counts as, with the limits of [`fleetcal_http::SignInLimits`].
+/// Counters of one attempt, with the limits of [`fleetcal_http::SignInLimits`].
 fn tries(peer: PeerAddress, name: &str, whose: Whose) -> Vec<Try> {
     let one = |key, every, burst| Try { key, every, burst };
     let mut tries = vec![
@@ -68,8 +68,8 @@ fn tries(peer: PeerAddress, name: &str, whose: Whose) -> Vec<Try> {
     tries
 }
 
-/// The user of this name and password. An unknown name takes as long as a wrong password, and the
-/// answer is the same.
+/// User of this name and password. An unknown name takes as long as a wrong password, and has the
+/// same answer.
 pub(super) async fn verified(
     api: &ApiState,
     peer: PeerAddress,
@@ -97,7 +97,7 @@ pub(super) async fn verified(
         let tries = [pair.clone(), format!("\n{key}")];
         // Who was let in is let in: what is lost is that the other instances know the address.
         if let Err(error) = registry.signed_in(&pair, &tries).await {
-            tracing::warn!(%error, "other instances do not know who has signed in from where");
+            tracing::warn!(%error, "the sign-in was not recorded for the other instances");
         }
     }
     Ok(user)

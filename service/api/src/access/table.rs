@@ -1,4 +1,4 @@
-//! The one table of who may call what. A route that is not in it is refused to everybody, and a
+//! Table of the permissions of every route. A route that it lacks is refused to every caller, and a
 //! test compares it with the OpenAPI document.
 
 use axum::http::Method;
@@ -6,7 +6,7 @@ use fleetcal_domain::access::Access::{
     self, Admin, Approver, Operator, OwnRobot, OwnRobotOrViewer, Public, Viewer,
 };
 
-/// Method, path as the routes have it, and what is asked of the caller.
+/// Method, path in the router's form, and required permission.
 pub(crate) const TABLE: &[(&str, &str, Access)] = &[
     ("GET", "/healthz", Public),
     ("GET", "/readyz", Public),
@@ -66,7 +66,7 @@ pub(crate) const TABLE: &[(&str, &str, Access)] = &[
     ("POST", "/api/v1/robots/{id}/events", Operator),
 ];
 
-/// What a route asks of its caller; `None` of a route that is not in the table.
+/// Permission that a route requires; `None` for a route that the table lacks.
 pub(crate) fn access(method: &Method, path: &str) -> Option<Access> {
     // The router answers HEAD with what GET does.
     let method = if *method == Method::HEAD {

@@ -1,4 +1,4 @@
-//! `/tokens`: API tokens of tools and robots.
+//! Routes of `/tokens`: API tokens of tools and robots.
 
 use axum::Json;
 use axum::extract::State;
@@ -23,7 +23,7 @@ use crate::page::{cut, with_next};
 use crate::problem::Problem;
 use crate::time;
 
-/// Lists the tokens, oldest first, revoked ones too.
+/// Lists the tokens, oldest first, revoked ones included.
 #[utoipa::path(
     get,
     path = "/tokens",
@@ -46,26 +46,28 @@ pub(super) async fn list_tokens(
     Ok(Json(TokenPage { items, next }))
 }
 
-/// A token to be made.
+/// Token to be created.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = NewToken)]
 #[serde(deny_unknown_fields)]
 pub(super) struct NewTokenDocument {
-    /// What the audit calls whoever uses it.
+    /// Name of its caller in the audit.
     #[schema(max_length = 64)]
     name: String,
     role: Role,
-    /// The one robot that a token of role `robot` is for.
+    /// Robot of a token of role `robot`.
     #[serde(default)]
     robot: Option<RobotId>,
-    /// When it ends by itself; never unless given.
+    /// End of its validity; unlimited unless given.
     #[serde(default)]
     #[schema(value_type = Option<String>, format = DateTime)]
     expires: Option<Timestamp>,
 }
 
-/// Makes a token. Its `value` is in this answer and never shown again: a request that is repeated
-/// with its `Idempotency-Key` is answered without it.
+/// Creates a token.
+///
+/// Its `value` is in this answer and never shown again: a request that is repeated with its
+/// `Idempotency-Key` is answered without it.
 #[utoipa::path(
     post,
     path = "/tokens",
@@ -108,7 +110,7 @@ pub(super) async fn create_token(
     Ok((StatusCode::CREATED, unkept, Json(document)).into_response())
 }
 
-/// The end of a token that is made now.
+/// Checked end of a token that is created at `now`.
 fn end(expires: Timestamp, now: WallTime) -> Result<WallTime, Problem> {
     time::wall(expires)
         .filter(|end| *end > now && *end <= now.plus(limits::TOKEN_EXPIRES_MAX))
@@ -118,7 +120,7 @@ fn end(expires: Timestamp, now: WallTime) -> Result<WallTime, Problem> {
         })
 }
 
-/// Revokes a token: it counts no more, and stays in the list.
+/// Revokes a token: it is invalid from now on, and stays in the list.
 #[utoipa::path(
     delete,
     path = "/tokens/{id}",

@@ -1,4 +1,4 @@
-//! `/users`: people who sign in.
+//! Routes of `/users`: people who sign in.
 
 use axum::Json;
 use axum::extract::{FromRequestParts, Path, State};
@@ -20,7 +20,7 @@ use crate::extract::{Body, NoParameters, Parameters, idempotency_key};
 use crate::page::{cut, with_next};
 use crate::problem::Problem;
 
-/// The number that a path names.
+/// Number in a path.
 #[derive(Debug)]
 pub(super) struct NumberPath(pub(super) i64);
 
@@ -58,7 +58,9 @@ pub(super) async fn list_users(
     Ok(Json(UserPage { items, next }))
 }
 
-/// Gives one user. The `ETag` is the version.
+/// Returns one user.
+///
+/// The `ETag` is the version.
 #[utoipa::path(
     get,
     path = "/users/{id}",
@@ -80,7 +82,7 @@ pub(super) async fn get_user(
     Ok(answer(StatusCode::OK, &user))
 }
 
-/// A user to be made.
+/// User to be created.
 #[derive(Deserialize, utoipa::ToSchema)]
 #[schema(as = NewUser)]
 #[serde(deny_unknown_fields)]
@@ -88,12 +90,12 @@ pub(super) struct NewUserDocument {
     #[schema(max_length = 64)]
     name: String,
     role: Role,
-    /// 12 to 128 characters.
+    /// Password, 12 to 128 characters.
     #[schema(format = Password, min_length = 12, max_length = 128)]
     password: String,
 }
 
-/// Makes a user.
+/// Creates a user.
 #[utoipa::path(
     post,
     path = "/users",
@@ -129,23 +131,23 @@ pub(super) async fn create_user(
     Ok(answer(StatusCode::CREATED, &written.record))
 }
 
-/// What is to be changed of a user.
+/// Changes of a user.
 #[derive(Deserialize, utoipa::ToSchema)]
 #[schema(as = UserEdit)]
 #[serde(deny_unknown_fields)]
 pub(super) struct UserEditDocument {
     #[serde(default)]
     role: Option<Role>,
-    /// Whether signing in is refused. The user's sessions end.
+    /// True to refuse signing in, which ends the user's sessions.
     #[serde(default)]
     disabled: Option<bool>,
-    /// 12 to 128 characters. The user's sessions end.
+    /// New password, 12 to 128 characters; it ends the user's sessions.
     #[serde(default)]
     #[schema(format = Password, min_length = 12, max_length = 128)]
     password: Option<String>,
 }
 
-/// Changes a user's role or password, or whether the user may sign in.
+/// Changes a user's role or password, or the permission to sign in.
 #[utoipa::path(
     patch,
     path = "/users/{id}",
@@ -198,7 +200,9 @@ pub(super) async fn edit_user(
     Ok(answer(StatusCode::OK, &written.record))
 }
 
-/// Removes a user. The audit keeps the name.
+/// Removes a user.
+///
+/// The audit keeps the name.
 #[utoipa::path(
     delete,
     path = "/users/{id}",
@@ -233,7 +237,7 @@ fn answer(status: StatusCode, user: &UserRecord) -> Response {
     versioned_json(status, user.version, UserDocument::of(user))
 }
 
-/// A name out of a body.
+/// Parses a name in a body.
 pub(super) fn checked_name(name: &str) -> Result<AccountName, Problem> {
     AccountName::parse(name).map_err(|refused| {
         let status = StatusCode::UNPROCESSABLE_ENTITY;
@@ -241,7 +245,7 @@ pub(super) fn checked_name(name: &str) -> Result<AccountName, Problem> {
     })
 }
 
-/// A role, and maybe a robot, that do not go together.
+/// Problem of a role that requires or excludes the given robot.
 pub(super) fn grant_refused(refused: &GrantRefused) -> Problem {
     let field = match refused {
         GrantRefused::NoPerson => "role",

@@ -1,5 +1,5 @@
-//! Limits of how often one user or token changes something. Each change may leave rows in the audit, which are
-//! kept for good.
+//! Limits of the changes by one user or token per time. Each change may leave rows in the audit,
+//! which are kept for ever.
 
 use axum::http::StatusCode;
 use fleetcal_http::{Turned, WritesExceeded};
@@ -11,7 +11,7 @@ use crate::problem::Problem;
 /// Counts writes of a caller.
 ///
 /// # Errors
-/// [`Problem`] when there were too many; none of them counts then.
+/// [`Problem`] if there were too many; none of them counts then.
 pub(crate) fn count(api: &ApiState, caller: &Caller, writes: u32) -> Result<(), Problem> {
     let now = api.clock.elapsed();
     let counted = api.access.writes.count(&caller.actor.key(), writes, now);

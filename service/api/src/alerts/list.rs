@@ -1,4 +1,4 @@
-//! `GET /alerts`: what is or was wrong with which robot.
+//! Route `GET /alerts`: present and past problems of the robots.
 
 use axum::Json;
 use axum::extract::State;
@@ -16,16 +16,16 @@ use crate::problem::Problem;
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AlertParameters {
-    /// Only those that are `active` (all but `normal`), or in one state: `pending`, `alerting`,
-    /// `recovering`, `no_data`, or `normal` for those that are over.
+    /// State of the alerts: `active` (all but `normal`), or one of `pending`, `alerting`,
+    /// `recovering`, `no_data`, and `normal` for ended ones.
     state: Option<String>,
-    /// Only of this robot.
+    /// Robot of the alerts.
     #[param(value_type = Option<RobotId>)]
     robot: Option<String>,
     /// Alerts of a page, 1 to 1000.
     #[param(value_type = Option<u32>)]
     limit: Option<String>,
-    /// `next` of the page before.
+    /// Value of `next` of the previous page.
     cursor: Option<String>,
 }
 
@@ -33,13 +33,13 @@ pub(super) struct AlertParameters {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct AlertPage {
     items: Vec<AlertDocument>,
-    /// `cursor` of the next page; absent on the last one.
+    /// Value of `cursor` for the next page; absent on the last one.
     #[serde(skip_serializing_if = "Option::is_none")]
     next: Option<String>,
 }
 
-/// Lists alerts: active ones first, by kind, the worst first; then those that are pending; then
-/// those that are over, the newest first.
+/// Lists alerts: active ones first, by kind, the worst first; then pending ones; then ended ones,
+/// the newest first.
 #[utoipa::path(
     get,
     path = "/alerts",
@@ -80,7 +80,7 @@ fn selection(name: &str) -> Result<AlertSelection, Problem> {
     })
 }
 
-/// The rank and number that a cursor names.
+/// Rank and number in a cursor.
 fn place_of(cursor: &str) -> Result<(u32, i64), Problem> {
     let place = cursor
         .split_once('-')

@@ -1,4 +1,4 @@
-//! Routes of alerts: the reason an operator is called, and who has acknowledged it.
+//! Routes of alerts and of their acknowledgement.
 
 mod list;
 mod one;
@@ -8,7 +8,7 @@ use utoipa_axum::routes;
 
 use super::ApiState;
 
-/// The routes of alerts.
+/// Routes of alerts.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(list::list_alerts))

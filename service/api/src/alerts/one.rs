@@ -1,4 +1,4 @@
-//! `/alerts/{id}`: how an alert went, and who takes it on.
+//! Routes of `/alerts/{id}`: an alert's history and acknowledgement.
 
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode};
@@ -17,31 +17,31 @@ use crate::extract::{Body, NoParameters, Parameters, check_length};
 use crate::problem::Problem;
 use crate::time;
 
-/// An alert with how it went.
+/// Alert with its history.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = AlertWithHistory)]
 pub(super) struct WholeAlert {
-    /// The alert.
+    /// Alert itself.
     alert: AlertDocument,
-    /// Its changes, the oldest first.
+    /// Changes of the alert, the oldest first.
     history: Vec<MomentDocument>,
 }
 
-/// One change of an alert.
+/// Change of an alert.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = AlertChange)]
 struct MomentDocument {
     #[schema(value_type = String, format = DateTime)]
     time: Timestamp,
-    /// The alert's version afterwards.
+    /// Version of the alert afterwards.
     version: Version,
-    /// Where it stood afterwards.
+    /// Condition of the alert afterwards.
     state: ConditionName,
-    /// What was seen, in words.
+    /// Description of the observation.
     what: String,
-    /// Who acknowledged; `null` for a change of its state.
+    /// Person or tool that acknowledged it; `null` for a change of its state.
     by: Option<String>,
-    /// What the person had to say.
+    /// Note of the person.
     note: Option<String>,
 }
 
@@ -58,7 +58,9 @@ impl MomentDocument {
     }
 }
 
-/// Gives an alert with how it went. The `ETag` is its version.
+/// Returns an alert with its history.
+///
+/// The `ETag` is its version.
 #[utoipa::path(
     get,
     path = "/alerts/{id}",
@@ -85,20 +87,21 @@ pub(super) async fn get_alert(
     Ok(versioned_json(StatusCode::OK, alert.version, document))
 }
 
-/// What a person has to say who takes an alert on.
+/// Acknowledgement of an alert.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = AcknowledgementRequest)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AcknowledgementBody {
-    /// At most 1000 characters.
+    /// Note of the person, at most 1000 characters.
     #[serde(default)]
     #[schema(max_length = 1000)]
     note: Option<String>,
 }
 
-/// Takes an alert on: everybody sees who looks after it since when. Whether it is wrong is another
-/// matter: an alert that is acknowledged goes on until what it is about is right again, and one that
-/// is over can still be acknowledged.
+/// Acknowledges an alert, which shows everybody who looks after it since when.
+///
+/// The acknowledgement is independent of the problem: an acknowledged alert lasts until its problem
+/// is solved, and an ended alert can still be acknowledged.
 #[utoipa::path(
     post,
     path = "/alerts/{id}/ack",

@@ -1,4 +1,4 @@
-//! `GET /audit`: who did what.
+//! Route `GET /audit`: the record of all changes.
 
 use axum::extract::State;
 use axum::response::Response;
@@ -25,57 +25,57 @@ use crate::time;
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AuditParameters {
-    /// Only about this robot.
+    /// Robot of the rows.
     #[param(value_type = Option<RobotId>)]
     robot: Option<String>,
-    /// Only by this person, token, robot, or `fleetcal` itself.
+    /// Actor of the rows: a person, token, robot, or `fleetcal` itself.
     actor: Option<String>,
-    /// Only actions that begin so, such as `proposal.` or `deployment.roll_back`.
+    /// Prefix of the rows' actions, such as `proposal.` or `deployment.roll_back`.
     action: Option<String>,
-    /// From this time on.
+    /// Earliest time of a row.
     #[param(value_type = Option<String>, format = DateTime)]
     from: Option<String>,
-    /// Before this time.
+    /// Time that the rows come before.
     #[param(value_type = Option<String>, format = DateTime)]
     to: Option<String>,
-    /// `json` (a page), `csv` or `ndjson` (to be saved); a page unless given.
+    /// Format: `json` (a page), `csv` or `ndjson` (to be saved); a page unless given.
     format: Option<String>,
     /// Rows of a page, 1 to 1000; of a file, 1 to 100000.
     #[param(value_type = Option<u32>)]
     limit: Option<String>,
-    /// `next` of the page before.
+    /// Value of `next` of the previous page.
     cursor: Option<String>,
 }
 
-/// A row of the audit.
+/// Row of the audit.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = AuditRow)]
 struct AuditDocument {
     id: AuditId,
     #[schema(value_type = String, format = DateTime)]
     time: Timestamp,
-    /// Who: a person's or token's name, a robot's id, or `fleetcal` itself.
+    /// Name of the actor: a person's or token's name, a robot's id, or `fleetcal` itself.
     actor: String,
-    /// How that is known.
+    /// Proof of the actor's identity.
     authentication: String,
     role: Option<String>,
-    /// The HTTP request's id.
+    /// Id of the HTTP request.
     request: Option<String>,
-    /// The address that the HTTP request came from.
+    /// Client address of the HTTP request.
     address: Option<String>,
-    /// What was done.
+    /// Action on the record.
     action: String,
-    /// To what kind of record.
+    /// Kind of the record.
     subject: String,
-    /// To which one.
+    /// Number or name of the record.
     subject_id: String,
     robot: Option<String>,
-    /// Why.
+    /// Reason for the action.
     reason: Option<String>,
-    /// The record before.
+    /// Record before the action.
     #[schema(value_type = Option<Object>)]
     before: Option<serde_json::Value>,
-    /// The record after.
+    /// Record after the action.
     #[schema(value_type = Option<Object>)]
     after: Option<serde_json::Value>,
 }
@@ -105,12 +105,12 @@ impl AuditDocument {
 #[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct AuditPage {
     items: Vec<AuditDocument>,
-    /// `cursor` of the next page; absent on the last one.
+    /// Value of `cursor` for the next page; absent on the last one.
     #[serde(skip_serializing_if = "Option::is_none")]
     next: Option<String>,
 }
 
-/// How the audit is written.
+/// Layout of the audit's rows.
 type AuditLayout = Layout<AuditDocument>;
 
 const CSV_LAYOUT: AuditLayout = Layout::Csv {
@@ -119,9 +119,10 @@ const CSV_LAYOUT: AuditLayout = Layout::Csv {
     line: csv_line,
 };
 
-/// Lists who did what, newest first: every change of a proposal, deployment, shadow, user, token
-/// and of the deployment freeze, with the record before and after. A file is written as it is taken:
-/// where it breaks off, the connection does.
+/// Lists the audit, newest first: every change of a proposal, deployment, shadow, user, token and
+/// of the deployment freeze, with the record before and after.
+///
+/// A file is sent while it is read; if reading fails, the connection is closed before its end.
 #[utoipa::path(
     get,
     path = "/audit",
@@ -163,7 +164,7 @@ pub(super) async fn list_audit(
     Ok(csv::file(kind, name, export.body(pieces)))
 }
 
-/// The rows that are asked for.
+/// Requested rows.
 fn rows(
     api: &ApiState,
     query: &AuditParameters,

@@ -1,4 +1,4 @@
-//! Calibrations that robots pull over HTTP, and their answers.
+//! Routes of calibrations that robots fetch over HTTP, and of their answers.
 
 use axum::Json;
 use axum::extract::State;
@@ -17,19 +17,21 @@ use crate::etag::client_has;
 use crate::extract::{Body, NoParameters, Parameters, RobotPath};
 use crate::problem::Problem;
 
-/// The number that a robot asks with.
+/// Parameters of a robot's request.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct CalibrationParameters {
-    /// A new random number, 32 lower-case hexadecimal digits, which the signed `offer` repeats: so the
-    /// robot knows that the answer is not a recording.
+    /// New random number, 32 lower-case hexadecimal digits, which the signed `offer` repeats: it
+    /// proves to the robot that the answer is not replayed.
     #[param(value_type = Option<String>)]
     question: Option<Question>,
 }
 
-/// Gives the signed calibration that a robot should hold. The `ETag` is the document's SHA-256.
-/// Asked by the robot itself, it counts as offered, and comes with an `offer`.
+/// Returns the signed calibration that a robot should use.
+///
+/// The `ETag` is the document's SHA-256. A request of the robot itself counts as an offer, and its
+/// answer includes an `offer`.
 #[utoipa::path(
     get,
     path = "/robots/{id}/calibration",
@@ -72,7 +74,9 @@ pub(super) async fn get_calibration(
     Ok(([(header::ETAG, tag)], Json(offered)).into_response())
 }
 
-/// Takes a robot's answer: what became of a document. It is stored when this returns.
+/// Stores a robot's answer about a document: applied, refused, failed or reverted.
+///
+/// The answer is stored when this returns.
 #[utoipa::path(
     put,
     path = "/robots/{id}/calibration/applied",
@@ -106,18 +110,18 @@ pub(super) async fn put_applied(
     })
 }
 
-/// The public half of the key that calibrations are signed with.
+/// Public half of the key that signs calibrations.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct SigningKeyDocument {
-    /// Its short name, which every signed document carries.
+    /// Short name of the key, which every signed document carries.
     key_id: String,
-    /// Always `Ed25519`.
+    /// Algorithm, always `Ed25519`.
     algorithm: &'static str,
-    /// Base64 of its 32 bytes: what an agent is given.
+    /// Base64 of the key's 32 bytes, for the agent's configuration.
     public_key: String,
 }
 
-/// Gives the public half of the key that calibrations are signed with.
+/// Returns the public half of the key that signs calibrations.
 #[utoipa::path(get, path = "/signing-key", tag = "approval",
     responses(
         (status = OK, description = "The public key", body = SigningKeyDocument),

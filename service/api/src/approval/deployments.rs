@@ -1,4 +1,5 @@
-//! `/robots/{id}/deployments`, `/shadow` and `/rollback`: where a robot's calibration stands.
+//! Routes of `/robots/{id}/deployments`, `/shadow` and `/rollback`: the deployments of a robot's
+//! calibration.
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -26,7 +27,7 @@ pub(super) struct DeploymentParameters {
     /// Deployments of a page, 1 to 1000.
     #[param(value_type = Option<u32>)]
     limit: Option<String>,
-    /// `next` of the page before.
+    /// Value of `next` of the previous page.
     cursor: Option<String>,
 }
 
@@ -34,7 +35,7 @@ pub(super) struct DeploymentParameters {
 #[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct DeploymentPage {
     items: Vec<DeploymentDocument>,
-    /// `cursor` of the next page; absent on the last one.
+    /// Value of `cursor` for the next page; absent on the last one.
     #[serde(skip_serializing_if = "Option::is_none")]
     next: Option<String>,
 }
@@ -71,7 +72,9 @@ pub(super) async fn list_deployments(
     listing::page(Rows::new(before, limit, read)).await
 }
 
-/// Gives what a robot should hold and what it has reported. The `ETag` is the version.
+/// Returns a robot's desired and reported calibration.
+///
+/// The `ETag` is the version.
 #[utoipa::path(
     get,
     path = "/robots/{id}/shadow",
@@ -92,8 +95,10 @@ pub(super) async fn get_shadow(
     Ok(answer(&api, &id))
 }
 
-/// Brings the calibration back that the robot used before: that of the deployment under way, or
-/// the verified one before the present one. It needs no second person, and stands in the audit.
+/// Rolls a robot back to its former calibration: from the deployment under way, or else to the last
+/// verified one before the present one.
+///
+/// It needs no second person, and is recorded in the audit.
 #[utoipa::path(
     post,
     path = "/robots/{id}/rollback",

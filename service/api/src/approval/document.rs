@@ -13,40 +13,40 @@ use serde::Serialize;
 
 use crate::time;
 
-/// A revision: what was found, for ever.
+/// Revision: values with their evidence, kept for ever.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Revision)]
 pub(super) struct RevisionDocument {
-    /// Its number.
+    /// Number of the revision.
     id: RevisionId,
-    /// Where it comes from.
+    /// Origin of the values.
     origin: Origin,
-    /// The values, absolute.
+    /// Values, absolute.
     values: CalibrationValues,
-    /// Their standard deviations; 0 where nobody measured.
+    /// Standard deviations of the values; 0 if they were not measured.
     sigmas: CalibrationValues,
-    /// Where the rear axle was in the robot's `base_link` when this was made; absent where that was
-    /// not configured. The approved calibration is signed with this one.
+    /// Pose of the rear axle in the robot's `base_link` at the time of the revision; absent if it
+    /// was not configured. The approved calibration is signed with it.
     #[serde(skip_serializing_if = "Option::is_none")]
     rear_axle_in_base_link: Option<Pose2>,
     /// Version of the program that made it.
     estimator: String,
-    /// SHA-256 of its content; approvals bind to it.
+    /// Hash (SHA-256) of its content; approvals bind to it.
     sha256: String,
     #[schema(value_type = String, format = DateTime)]
     created: Timestamp,
-    /// The data it rests on; absent for values that nobody measured here.
+    /// Evidence for the values; absent for values that were not measured here.
     evidence: Option<EvidenceDocument>,
 }
 
-/// What a revision rests on.
+/// Evidence for a revision.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Evidence)]
 struct EvidenceDocument {
-    /// When its first datum was measured, by the robot's clock.
+    /// Time of its first datum, by the robot's clock.
     #[schema(value_type = String, format = DateTime)]
     from: Timestamp,
-    /// When its last datum was measured, by the robot's clock.
+    /// Time of its last datum, by the robot's clock.
     #[schema(value_type = String, format = DateTime)]
     to: Timestamp,
     /// Distance driven, m.
@@ -55,7 +55,7 @@ struct EvidenceDocument {
     scans: u64,
     /// Mean normalised innovation squared of the latest updates.
     nis_mean: f64,
-    /// Its expectation.
+    /// Expectation of `nis_mean`.
     nis_dof: f64,
 }
 
@@ -84,7 +84,7 @@ impl RevisionDocument {
     }
 }
 
-/// Somebody's decision.
+/// Decision of a person, or of the service.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = DecisionMade)]
 struct DecisionDocument {
@@ -112,97 +112,97 @@ impl DecisionDocument {
     }
 }
 
-/// A proposal with what it proposes. Its `ETag` is `version`.
+/// Proposal with its revision. Its `ETag` is `version`.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Proposal)]
 pub(super) struct ProposalDocument {
-    /// Its number.
+    /// Number of the proposal.
     id: ProposalId,
     robot: RobotId,
-    /// Goes up with every change of it.
+    /// Version, incremented with every change.
     version: Version,
     state: ProposalState,
     proposed_by: String,
-    /// Why it was proposed.
+    /// Reason for the proposal.
     reason: Option<String>,
     #[schema(value_type = String, format = DateTime)]
     created: Timestamp,
-    /// When it ends by itself.
+    /// Time at which it expires.
     #[schema(value_type = String, format = DateTime)]
     expires: Timestamp,
-    /// What is proposed.
+    /// Proposed revision.
     revision: RevisionDocument,
-    /// What the robot used when this was proposed; absent when nobody knew.
+    /// Values in use at the time of the proposal; absent if unknown.
     base: Option<CalibrationValues>,
-    /// The generation of that.
+    /// Generation of the values in use at that time.
     base_generation: Option<Generation>,
-    /// Author of the drawing that its size is measured from; absent when it is measured from what was
-    /// approved before, or the drawing is the configuration file's.
+    /// Author of the drawing that the change is measured from; absent if it is measured from an
+    /// approved calibration, or the drawing is the configuration file's.
     #[serde(skip_serializing_if = "Option::is_none")]
     drawn_by: Option<String>,
-    /// How many people have to agree.
+    /// Number of approvals needed.
     approvals_needed: u32,
-    /// Reason for which more than one has to; absent when one is enough.
+    /// Reason for which more than one is needed; absent if one is enough.
     #[serde(skip_serializing_if = "Option::is_none")]
     second_approver: Option<SecondApprover>,
-    /// Who has agreed.
+    /// Approvals given.
     approvals: Vec<DecisionDocument>,
-    /// How it ended otherwise.
+    /// Closing without a deployment, if it was closed.
     closing: Option<DecisionDocument>,
-    /// State of the deployment that followed from its approval, and `rolled_back` once a person has
-    /// returned the robot to earlier values since; absent without one.
+    /// State of the deployment after its approval, and `rolled_back` once a person has returned the
+    /// robot to earlier values; absent without a deployment.
     #[serde(skip_serializing_if = "Option::is_none")]
     deployment: Option<DeploymentState>,
-    /// That the present estimate took the place of what was proposed; absent unless it did.
+    /// Replacements of the proposed values by the present estimate; absent before the first.
     #[serde(skip_serializing_if = "Option::is_none")]
     refreshed: Option<RefreshedDocument>,
-    /// Why nobody can approve it at this moment: the present estimate speaks against it. It is
-    /// refreshed or closed; absent while it holds, and once it is decided.
+    /// Reason for which it cannot be approved now: the present estimate contradicts it, and it will
+    /// be refreshed or closed. Absent while the estimate agrees, and after the decision.
     #[serde(skip_serializing_if = "Option::is_none")]
     outdated: Option<String>,
-    /// What it is expected to do for the robot's path following; absent while the robot has
-    /// reported too few cross-track errors with the values in use.
+    /// Gain expected for the robot's path following; absent while the robot has reported too few
+    /// cross-track errors with the values in use.
     #[serde(skip_serializing_if = "Option::is_none")]
     expected_gain: Option<GainDocument>,
 }
 
-/// That the present estimate took the place of what was proposed.
+/// Replacement of the proposed values by the present estimate.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Refreshed)]
 struct RefreshedDocument {
-    /// When it last was.
+    /// Time of the last replacement.
     #[schema(value_type = String, format = DateTime)]
     at: Timestamp,
-    /// How often it was.
+    /// Number of replacements.
     times: u32,
-    /// Why it last was.
+    /// Reason for the last replacement.
     reason: String,
-    /// Whose approvals that has voided.
+    /// People whose approvals became void.
     voided: Vec<String>,
 }
 
-/// Cross-track error with the values in use, and what is expected of it with the proposed ones.
+/// Cross-track error with the values in use, and its expectation with the proposed ones.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = ExpectedGain)]
 #[expect(clippy::struct_field_names, reason = "units stand last in names")]
 struct GainDocument {
-    /// Root mean square as the robot reported it with the values in use, m.
+    /// Root mean square that the robot reported with the values in use, m.
     measured_rms_m: f64,
-    /// Root mean square that is expected with the proposed values when all that lasts comes from the
+    /// Expected root mean square with the proposed values if all lasting errors come from the
     /// calibration, m.
     expected_rms_m: f64,
-    /// The same when nothing comes from it but the mean, m.
+    /// Expected root mean square if of these only the mean comes from it, m.
     expected_rms_max_m: f64,
 }
 
-/// What is known of a proposal beside its record.
+/// Facts about a proposal beside its record.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Beside {
-    /// Why it cannot be approved at this moment.
+    /// Reason for which it cannot be approved now.
     pub(super) outdated: Option<Outdated>,
-    /// What it is expected to do for the robot's path following.
+    /// Gain expected for the robot's path following.
     pub(super) gain: Option<ExpectedGain>,
-    /// Where its deployment stands.
+    /// State of its deployment.
     pub(super) deployment: Option<DeploymentState>,
 }
 
@@ -243,16 +243,16 @@ impl ProposalDocument {
     }
 }
 
-/// Values that a robot compensates with.
+/// Values in use of a robot.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = InUse)]
 pub(super) struct InUseDocument {
     /// Generation of the document; 0 for its factory calibration.
     generation: Generation,
-    /// The revision; absent for its factory calibration.
+    /// Revision; absent for its factory calibration.
     revision: Option<RevisionId>,
     values: CalibrationValues,
-    /// Since when, by the robot's clock.
+    /// Begin of their use, by the robot's clock.
     #[schema(value_type = String, format = DateTime)]
     since: Timestamp,
 }
@@ -268,19 +268,20 @@ impl InUseDocument {
     }
 }
 
-/// What a verification estimate said of the values in use.
+/// Verdict of a verification estimate on the values in use.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Verification)]
 struct VerificationDocument {
     #[schema(value_type = String, format = DateTime)]
     at: Timestamp,
-    /// Distance driven since the values are in use, m.
+    /// Distance driven with the values in use, m.
     distance_m: f64,
-    /// Verification estimate less values in use: steering offset (rad), LiDAR x (m), y (m), yaw (rad).
+    /// Residual: verification estimate minus values in use; steering offset (rad), LiDAR x (m), y
+    /// (m), yaw (rad).
     residual: [f64; 4],
     /// Sigmas of the verification estimate, in the same order.
     sigma: [f64; 4],
-    /// Whether the residual with twice its sigma is inside the tolerance.
+    /// True if the residual with twice its sigma is inside the tolerance.
     within: bool,
 }
 
@@ -296,61 +297,61 @@ impl VerificationDocument {
     }
 }
 
-/// A revision on its way to one robot.
+/// Deployment of a revision to one robot.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Deployment)]
 pub(super) struct DeploymentDocument {
-    /// Its number.
+    /// Number of the deployment.
     id: DeploymentId,
     robot: RobotId,
-    /// Goes up with every change of it.
+    /// Version, incremented with every change.
     version: Version,
     state: DeploymentState,
-    /// The proposal that was approved; absent for a return to an earlier calibration.
+    /// Approved proposal; absent for a return to an earlier calibration.
     proposal: Option<ProposalId>,
-    /// Who approved it, or asked for the return.
+    /// Person who approved it, or ordered the return.
     approved_by: String,
-    /// What the robot is to hold now.
+    /// Document that the robot should use now.
     offer: GenerationRef,
-    /// What was offered before it was rolled back.
+    /// Documents offered before the roll-back.
     earlier: Vec<GenerationRef>,
-    /// What the robot used before; absent when nobody knew.
+    /// Calibration in use before; absent if unknown.
     base: Option<InUseDocument>,
     #[schema(value_type = String, format = DateTime)]
     created: Timestamp,
-    /// When it ends by itself if the robot does not take it.
+    /// Time at which it ends unless the robot applies it.
     #[schema(value_type = String, format = DateTime)]
     expires: Timestamp,
-    /// When it was first shown to the robot.
+    /// Time of the first offer to the robot.
     #[schema(value_type = Option<String>, format = DateTime)]
     offered: Option<Timestamp>,
-    /// When the robot's answer was stored.
+    /// Time at which the robot's answer was stored.
     #[schema(value_type = Option<String>, format = DateTime)]
     applied: Option<Timestamp>,
-    /// When it ended.
+    /// Time at which it ended.
     #[schema(value_type = Option<String>, format = DateTime)]
     closed: Option<Timestamp>,
-    /// The latest verdict on it.
+    /// Latest verdict of a verification.
     verification: Option<VerificationDocument>,
-    /// Why it stands where it stands.
+    /// Reason for its state.
     reason: Option<String>,
-    /// Who rolled the robot back, why, and to which values; absent unless somebody did.
+    /// Roll-back of the robot: who ordered it, why, and the restored values; absent without one.
     roll_back: Option<RollBackDocument>,
 }
 
-/// Why former values came back to a robot.
+/// Roll-back of a robot to former values.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = RollBack)]
 struct RollBackDocument {
-    /// Who asked for it: a person, or the service.
+    /// Person who ordered it, or the service.
     by: String,
-    /// Whether the service did it by itself.
+    /// True if the service ordered it.
     automatic: bool,
     #[schema(value_type = String, format = DateTime)]
     at: Timestamp,
-    /// Why.
+    /// Reason for the roll-back.
     reason: String,
-    /// The values that come back.
+    /// Restored values.
     values: CalibrationValues,
 }
 
@@ -390,19 +391,19 @@ impl DeploymentDocument {
     }
 }
 
-/// The latest answer of a robot.
+/// Latest answer of a robot.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Reported)]
 struct ReportedDocument {
     generation: Generation,
     sha256: String,
     status: AppliedStatus,
-    /// In the robot's words.
+    /// Reason that the robot gave.
     reason: Option<String>,
-    /// When, by the robot's clock.
+    /// Time of the outcome, by the robot's clock.
     #[schema(value_type = String, format = DateTime)]
     at: Timestamp,
-    /// When the service learnt of it.
+    /// Time at which the service received it.
     #[schema(value_type = String, format = DateTime)]
     received: Timestamp,
 }
@@ -420,30 +421,30 @@ impl ReportedDocument {
     }
 }
 
-/// Desired and reported state of one robot. Its `ETag` is `version`.
+/// Desired and reported calibration of one robot. Its `ETag` is `version`.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Shadow)]
 pub(super) struct ShadowDocument {
     robot: RobotId,
-    /// Goes up with every change of it.
+    /// Version, incremented with every change.
     version: Version,
-    /// What the robot should hold; absent before the first approval.
+    /// Desired calibration; absent before the first approval.
     desired: Option<GenerationRef>,
-    /// What the robot last answered.
+    /// Latest answer of the robot.
     reported: Option<ReportedDocument>,
-    /// Whether the robot holds what it should.
+    /// True if the robot uses the desired calibration.
     in_sync: bool,
-    /// The same, and in which way it does not.
+    /// Agreement between the calibration in use and the desired one.
     sync: SyncState,
-    /// What the robot uses, as far as it has said.
+    /// Calibration in use, as the robot last reported it.
     in_use: Option<InUseDocument>,
-    /// What it used before.
+    /// Calibration in use before that one.
     before: Option<InUseDocument>,
     /// Generations that were verified, oldest first.
     verified: Vec<GenerationRef>,
-    /// The proposal that waits.
+    /// Open proposal.
     proposal: Option<ProposalId>,
-    /// The deployment under way.
+    /// Deployment under way.
     deployment: Option<DeploymentDocument>,
 }
 
@@ -466,29 +467,29 @@ impl ShadowDocument {
     }
 }
 
-/// Where a robot's calibration stands, in the list of robots.
+/// State of a robot's calibration, in the list of robots.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(crate) struct CalibrationSummary {
-    /// The generation that the robot should hold; absent before the first approval.
+    /// Desired generation; absent before the first approval.
     desired_generation: Option<Generation>,
-    /// The generation that it uses; 0 for its factory calibration, absent when it never said.
+    /// Generation in use; 0 for the factory calibration, absent if the robot never reported one.
     reported_generation: Option<Generation>,
-    /// Whether the robot holds what it should.
+    /// True if the robot uses the desired calibration.
     in_sync: bool,
-    /// The same, and in which way it does not.
+    /// Agreement between the calibration in use and the desired one.
     sync: SyncState,
-    /// What the robot compensates with, as far as it has said.
+    /// Values in use, as the robot last reported them.
     in_use: Option<CalibrationValues>,
-    /// The proposal that waits.
+    /// Open proposal.
     proposal: Option<ProposalId>,
-    /// Where the deployment under way stands.
+    /// State of the deployment under way.
     deployment: Option<DeploymentState>,
-    /// Whether a verification estimate disagrees with what the robot uses.
+    /// True if a verification estimate disagrees with the values in use.
     verification_failed: bool,
 }
 
 impl CalibrationSummary {
-    /// The summary of a robot's records.
+    /// Summary of a robot's records.
     pub(crate) fn of(ledger: &RobotLedger) -> Self {
         let shadow = &ledger.shadow;
         let live = ledger.live.as_ref();

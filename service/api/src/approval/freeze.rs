@@ -1,4 +1,4 @@
-//! `/deployments/freeze`: the deployment freeze.
+//! Routes of `/deployments/freeze`: the deployment freeze.
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -16,23 +16,25 @@ use crate::extract::{Body, NoParameters, Parameters, check_length};
 use crate::problem::Problem;
 use crate::time;
 
-/// The deployment freeze. Its `ETag` is `version`.
+/// Deployment freeze. Its `ETag` is `version`.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = DeploymentFreeze)]
 pub(super) struct FreezeDocument {
-    /// Goes up with every change of it.
+    /// Version, incremented with every change.
     version: Version,
-    /// While it is `true`, no robot is sent a calibration that it does not use yet.
+    /// True while no robot is sent a calibration that it does not use yet.
     frozen: bool,
-    /// Who changed it last.
+    /// Person or tool that changed it last.
     by: Option<String>,
     #[schema(value_type = Option<String>, format = DateTime)]
     at: Option<Timestamp>,
-    /// Why.
+    /// Reason for the change.
     reason: Option<String>,
 }
 
-/// Gives the deployment freeze. The `ETag` is its version.
+/// Returns the deployment freeze.
+///
+/// The `ETag` is its version.
 #[utoipa::path(get, path = "/deployments/freeze", tag = "approval",
     responses(
         (status = OK, description = "The deployment freeze", body = FreezeDocument,
@@ -45,19 +47,21 @@ pub(super) async fn get_freeze(
     answer(api.lifecycle.deployment_freeze())
 }
 
-/// Whether to freeze deployments.
+/// Begin or end of the deployment freeze.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = DeploymentFreezeRequest)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FreezeBody {
-    /// `true` to send no robot a calibration that it does not use yet, `false` to resume.
+    /// True to send no robot a calibration that it does not use yet, false to resume.
     frozen: bool,
-    /// Why, 1 to 1000 characters.
+    /// Reason for the change, 1 to 1000 characters.
     #[schema(min_length = 1, max_length = 1000)]
     reason: String,
 }
 
-/// Freezes the deployments that are not applied yet, or resumes them. Roll-backs go on.
+/// Freezes the deployments that are not applied yet, or resumes them.
+///
+/// Roll-backs continue.
 #[utoipa::path(
     put,
     path = "/deployments/freeze",

@@ -1,4 +1,4 @@
-//! Proposals, deployments, what robots hold, the deployment freeze, and the audit.
+//! Proposals, deployments, shadows, the deployment freeze, and the audit.
 
 mod audit;
 mod calibration;
@@ -16,7 +16,7 @@ use super::ApiState;
 
 pub(super) use document::CalibrationSummary;
 
-/// The routes of the life cycle.
+/// Routes of the life cycle.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(proposals::list_proposals, proposals::post_proposal))

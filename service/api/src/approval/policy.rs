@@ -1,4 +1,4 @@
-//! `/policy`: when something is proposed, who has to agree, and when it counts as proven.
+//! Routes of `/policy`: the rules of proposals, approvals and verification.
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -16,27 +16,29 @@ use crate::extract::{Body, NoParameters, Parameters, check_length};
 use crate::problem::Problem;
 use crate::time;
 
-/// The policy in force, and who set it.
+/// Policy in force, and its last change.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = PolicyInForce)]
 pub(super) struct PolicyDocument {
-    /// What counts.
+    /// Rules in force.
     #[serde(flatten)]
     policy: Policy,
-    /// Who set it; absent while `[approval]` in `fleetcal.toml` counts.
+    /// Person or tool that set it; absent while `[approval]` in `fleetcal.toml` is in force.
     #[serde(skip_serializing_if = "Option::is_none")]
     set_by: Option<String>,
-    /// When.
+    /// Time of the change.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<String>, format = DateTime)]
     set_at: Option<Timestamp>,
-    /// Why.
+    /// Reason for the change.
     #[serde(skip_serializing_if = "Option::is_none")]
     set_reason: Option<String>,
 }
 
-/// Gives the policy in force: what was set here, else what `[approval]` in `fleetcal.toml` says,
-/// defaults included. The `ETag` is its version.
+/// Returns the policy in force: the one set here, or else `[approval]` in `fleetcal.toml`, defaults
+/// included.
+///
+/// The `ETag` is its version.
 #[utoipa::path(get, path = "/policy", tag = "approval",
     responses(
         (status = OK, description = "The policy in force", body = PolicyDocument,
@@ -49,22 +51,24 @@ pub(super) async fn get_policy(
     answer(&api, api.lifecycle.stored_policy())
 }
 
-/// A policy and why it is set.
+/// New policy, with the reason for it.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = PolicyRequest)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PolicyBody {
-    /// The whole policy: a key left out takes its default. Null goes back to what `[approval]` in
-    /// `fleetcal.toml` says.
+    /// Whole policy, in which an absent key has its default. Null restores `[approval]` of
+    /// `fleetcal.toml`.
     #[serde(deserialize_with = "Option::deserialize")]
     #[schema(required = true)]
     policy: Option<Policy>,
-    /// Why, 1 to 1000 characters.
+    /// Reason for the change, 1 to 1000 characters.
     #[schema(min_length = 1, max_length = 1000)]
     reason: String,
 }
 
-/// Sets the policy. What is proposed, approved and verified from now on goes by it.
+/// Sets the policy.
+///
+/// It applies to proposals, approvals and verifications from now on.
 #[utoipa::path(
     put,
     path = "/policy",
@@ -95,7 +99,7 @@ pub(super) async fn put_policy(
     Ok(answer(&api, stored))
 }
 
-/// The answer to a policy that was refused, which is the field `policy` of the body.
+/// Problem of a refused policy, which is the field `policy` of the body.
 fn refused(PolicyRefused { key, got, expected }: &PolicyRefused) -> Problem {
     let field = format!("policy.{key}");
     let detail = format!("{field}: got {got}, expected {expected}");

@@ -1,4 +1,4 @@
-//! `/proposals`: what waits for people, and their decisions.
+//! Routes of `/proposals`: open and closed proposals, and people's decisions.
 
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode};
@@ -29,16 +29,16 @@ use crate::problem::Problem;
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ProposalParameters {
-    /// Only proposals in this state.
+    /// State of the proposals.
     #[param(value_type = Option<ProposalState>)]
     state: Option<String>,
-    /// Only proposals for this robot.
+    /// Robot of the proposals.
     #[param(value_type = Option<RobotId>)]
     robot: Option<String>,
     /// Proposals of a page, 1 to 1000.
     #[param(value_type = Option<u32>)]
     limit: Option<String>,
-    /// `next` of the page before.
+    /// Value of `next` of the previous page.
     cursor: Option<String>,
 }
 
@@ -46,7 +46,7 @@ pub(super) struct ProposalParameters {
 #[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct ProposalPage {
     items: Vec<ProposalDocument>,
-    /// `cursor` of the next page; absent on the last one.
+    /// Value of `cursor` for the next page; absent on the last one.
     #[serde(skip_serializing_if = "Option::is_none")]
     next: Option<String>,
 }
@@ -81,7 +81,7 @@ pub(super) async fn list_proposals(
     listing::page(Rows::new(before, limit, read)).await
 }
 
-/// The proposals that a filter asks for.
+/// Proposals that match a filter.
 async fn documents(
     api: &ApiState,
     filter: &ProposalFilter,
@@ -97,23 +97,24 @@ async fn documents(
     Ok(documents.collect())
 }
 
-/// What somebody wants to be approved.
+/// Proposal to be made.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = NewProposal)]
 #[serde(deny_unknown_fields)]
 pub(super) struct NewProposalDocument {
-    /// For which robot.
+    /// Robot that it is for.
     robot: RobotId,
-    /// The values, absolute; those of the robot's latest estimate unless given.
+    /// Values, absolute; those of the robot's latest estimate unless given.
     #[serde(default)]
     values: Option<CalibrationValues>,
-    /// Why, at most 1000 characters.
+    /// Reason for the proposal, at most 1000 characters.
     #[schema(max_length = 1000)]
     reason: String,
 }
 
-/// Proposes a calibration: what the estimator has found, or values from elsewhere. A proposal of
-/// the robot that waits is superseded.
+/// Proposes a calibration: the robot's latest estimate, or values from elsewhere.
+///
+/// An open proposal of the robot is superseded.
 #[utoipa::path(
     post,
     path = "/proposals",
@@ -168,7 +169,7 @@ fn proposed(api: &ApiState, value: &NewProposalDocument) -> Result<Command, Prob
         let known = known.and_then(|one| Some((values_and_sigmas(one)?, Evidence::of(one))));
         let (found, evidence) = known.ok_or_else(|| {
             let detail = format!(
-                "the calibration of {id} is not known yet; its estimate says what it needs"
+                "the calibration of {id} is not known yet; its estimate lists the motion that it needs"
             );
             Problem::new(StatusCode::CONFLICT, "not_known_yet", detail)
         })?;
@@ -183,7 +184,9 @@ fn proposed(api: &ApiState, value: &NewProposalDocument) -> Result<Command, Prob
     })
 }
 
-/// Gives one proposal. The `ETag` is its version.
+/// Returns one proposal.
+///
+/// The `ETag` is its version.
 #[utoipa::path(
     get,
     path = "/proposals/{id}",
@@ -203,31 +206,32 @@ pub(super) async fn get_proposal(
     answer(&api, proposal_number(&id)?, StatusCode::OK).await
 }
 
-/// A yes.
+/// Approval of a proposal.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = ApprovalRequest)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ApprovalBody {
-    /// `revision.sha256` of the proposal that was looked at.
+    /// Hash `revision.sha256` of the proposal that the person read.
     sha256: String,
-    /// Why, at most 1000 characters.
+    /// Reason for the approval, at most 1000 characters.
     #[serde(default)]
     #[schema(max_length = 1000)]
     reason: Option<String>,
 }
 
-/// A no, or a taking back.
+/// Rejection, withdrawal or roll-back with its reason.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = ReasonGiven)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ReasonBody {
-    /// Why, 1 to 1000 characters.
+    /// Reason, 1 to 1000 characters.
     #[schema(min_length = 1, max_length = 1000)]
     pub(super) reason: String,
 }
 
-/// Approves a proposal. The last required approval starts the deployment. Nobody can approve their
-/// own proposal.
+/// Approves a proposal.
+///
+/// The last required approval starts the deployment. Nobody can approve their own proposal.
 #[utoipa::path(
     post,
     path = "/proposals/{id}/approve",
@@ -244,7 +248,7 @@ pub(super) struct ReasonBody {
             description = "The role does not permit approval, or the caller has proposed or approved it already"),
         (status = NOT_FOUND, description = "The proposal is unknown"),
         (status = CONFLICT,
-            description = "The proposal is closed, or the present estimate speaks against it"),
+            description = "The proposal is closed, or the present estimate contradicts it"),
         (status = PRECONDITION_FAILED,
             description = "The proposal has changed, or `sha256` is not that of its revision"),
     )
@@ -268,7 +272,7 @@ pub(super) async fn approve_proposal(
     decide(&api, caller, (&id, &headers), &given, command).await
 }
 
-/// Says no to a proposal.
+/// Rejects a proposal.
 #[utoipa::path(
     post,
     path = "/proposals/{id}/reject",
@@ -302,7 +306,7 @@ pub(super) async fn reject_proposal(
     decide(&api, caller, (&id, &headers), &value.reason, command).await
 }
 
-/// Takes a proposal back.
+/// Withdraws a proposal.
 #[utoipa::path(
     post,
     path = "/proposals/{id}/withdraw",
@@ -336,8 +340,8 @@ pub(super) async fn withdraw_proposal(
     decide(&api, caller, (&id, &headers), &value.reason, command).await
 }
 
-/// Takes a decision on the proposal that `id` names, in the version that `headers` name, and
-/// answers with the proposal as it is then. `command` is made of the two; `reason` is as given.
+/// Decides on the proposal of number `id`, in the version of `headers`, and returns the proposal
+/// afterwards. `command` makes the command from the two; `reason` is the caller's.
 async fn decide(
     api: &ApiState,
     caller: Caller,
@@ -356,7 +360,7 @@ async fn decide(
     answer(api, id, StatusCode::OK).await
 }
 
-/// The robot that a proposal is for.
+/// Robot of a proposal.
 pub(super) async fn robot_of(api: &ApiState, proposal: ProposalId) -> Result<RobotId, Problem> {
     let found = api.store.proposal(proposal).await?;
     let (proposal, _) = found.ok_or_else(|| unknown(proposal))?;
@@ -372,7 +376,7 @@ async fn answer(api: &ApiState, id: ProposalId, status: StatusCode) -> Result<Re
     Ok(versioned_json(status, version, document))
 }
 
-/// A proposal with what is known of it at this moment.
+/// Document of a proposal as of now.
 fn document(
     api: &ApiState,
     proposal: Proposal,

@@ -1,4 +1,4 @@
-//! `POST /proposals/approve`: several proposals in one step, each still on its own.
+//! Route `POST /proposals/approve`: several approvals in one request, each decided on its own.
 
 use axum::Json;
 use axum::extract::State;
@@ -16,55 +16,56 @@ use crate::access::{Caller, count_writes};
 use crate::extract::{Body, NoParameters, Parameters, check_length};
 use crate::problem::Problem;
 
-/// Several proposals with what was looked at.
+/// Approvals of several proposals.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = SeveralApprovals)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SeveralBody {
-    /// 1 to 500 of them.
+    /// List of 1 to 500 approvals.
     proposals: Vec<OneOfSeveral>,
-    /// Why, at most 1000 characters.
+    /// Reason for the approvals, at most 1000 characters.
     #[serde(default)]
     #[schema(max_length = 1000)]
     reason: Option<String>,
 }
 
-/// One of them.
+/// Approval of one of several proposals.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct OneOfSeveral {
-    /// The proposal.
+    /// Proposal's number.
     id: ProposalId,
-    /// Its version.
+    /// Version that the person read.
     version: Version,
-    /// Its `revision.sha256`.
+    /// Hash `revision.sha256` that the person read.
     sha256: String,
 }
 
-/// What became of each.
+/// Outcomes of several approvals.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct SeveralAnswer {
-    /// In the order of the request.
+    /// Outcomes in the order of the request.
     items: Vec<SeveralOutcome>,
 }
 
-/// What became of one of them.
+/// Outcome of one of several approvals.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 struct SeveralOutcome {
-    /// The proposal.
+    /// Proposal's number.
     id: ProposalId,
-    /// Where it stands now: `approved`, or still `proposed` while a second person is needed. Absent
-    /// when it was refused.
+    /// Present state: `approved`, or still `proposed` while a second person is needed. Absent if
+    /// the approval was refused.
     #[serde(skip_serializing_if = "Option::is_none")]
     state: Option<ProposalState>,
-    /// Why it was refused.
+    /// Problem of a refused approval.
     #[serde(skip_serializing_if = "Option::is_none")]
     problem: Option<Problem>,
 }
 
-/// Approves several proposals. Each is decided on its own: one that was changed meanwhile does not
-/// keep the others. When the database is slow, those whose turn does not come in time have the
-/// problem `not_tried`, and the one under way `outcome_unknown`.
+/// Approves several proposals, each decided on its own.
+///
+/// A refused approval does not affect the others. If the database is slow, approvals whose turn
+/// does not come in time have the problem `not_tried`, and the one under way `outcome_unknown`.
 #[utoipa::path(
     post,
     path = "/proposals/approve",

@@ -13,93 +13,94 @@ use serde::Serialize;
 
 use crate::time;
 
-/// The instances that share a fleet.
+/// Cluster of instances that share a fleet.
 #[derive(Debug, Default, Serialize, utoipa::ToSchema)]
 #[schema(as = Cluster)]
 pub(crate) struct ClusterDocument {
-    /// Whether one service has all robots, so that there are no instances.
+    /// True if a single service has all robots, so that there are no instances.
     alone: bool,
-    /// The instance that answers; absent of a service that is alone.
+    /// Instance that answers; absent for a single service.
     #[serde(skip_serializing_if = "Option::is_none")]
     instance: Option<String>,
-    /// When it read what it says here, by the database's clock; absent before the first time.
+    /// Time at which it read this, by the database's clock; absent before the first time.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<String>, format = DateTime)]
     read: Option<Timestamp>,
-    /// All instances, by name.
+    /// Instances of the cluster, by name.
     instances: Vec<InstanceDocument>,
-    /// What one instance does for all.
+    /// Duties that one instance performs for all.
     duties: Vec<DutyDocument>,
-    /// How many robots no instance has at this moment.
+    /// Number of robots without an instance at this moment.
     robots_without_instance: usize,
-    /// Those robots, the first 100.
+    /// Robots without an instance, the first 100.
     without_instance: Vec<RobotId>,
-    /// What the instance that answers took over last; absent when that was nothing since its start.
+    /// Last takeover by the instance that answers; absent if there was none since its start.
     #[serde(skip_serializing_if = "Option::is_none")]
     last_takeover: Option<TakeoverDocument>,
 }
 
-/// An instance of a cluster.
+/// Instance of a cluster.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Instance)]
 struct InstanceDocument {
-    /// Its name.
+    /// Name of the instance.
     name: String,
-    /// Where other instances reach it.
+    /// Address for other instances.
     url: String,
     /// Version of its program.
     program: String,
-    /// How many robots it estimates.
+    /// Number of robots that it estimates.
     robots: usize,
-    /// The highest epoch of these; absent while it has none.
+    /// Highest epoch of its robots; absent while it has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     epoch_max: Option<i64>,
-    /// Its weight against others.
+    /// Weight in the distribution of robots.
     capacity: u32,
     /// Time until its lease ends unless it is renewed, s; 0 once it has ended.
     lease_left_s: f64,
-    /// Whether it reaches a Zenoh router, and its clock is right enough.
+    /// True if it is connected to a Zenoh router, and its clock is accurate enough.
     linked: bool,
-    /// Other instances that it does not hear over Zenoh: the routers between them are cut.
+    /// Other instances that it does not receive over Zenoh: the routers between them are
+    /// disconnected.
     unheard: Vec<String>,
-    /// Whether it gives its robots away, because it is about to end.
+    /// True if it hands its robots over, because it is about to end.
     draining: bool,
-    /// By how much its clock is ahead of the database's, s.
+    /// Lead of its clock over the database's, s.
     clock_ahead_s: f64,
-    /// When it joined.
+    /// Time at which it joined.
     #[schema(value_type = String, format = DateTime)]
     joined: Timestamp,
-    /// Whether its configuration is another than that of the instance that answers.
+    /// True if its configuration differs from the answering instance's.
     config_differs: bool,
 }
 
-/// Something that one instance does for all.
+/// Duty that one instance performs for all.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = ClusterDuty)]
 struct DutyDocument {
-    /// What: `alerts`, `webhooks`, `retention` or `discovery`.
+    /// Name of the duty: `alerts`, `webhooks`, `retention` or `discovery`.
     duty: &'static str,
-    /// Who; null while nobody does.
+    /// Instance that performs it; null without one.
     instance: Option<String>,
 }
 
-/// That an instance took over what another one had.
+/// Takeover of an instance's robots and duties.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Takeover)]
 struct TakeoverDocument {
-    /// Who had it.
+    /// Former owner.
     from: String,
-    /// Who found it lost.
+    /// Instance that declared it dead.
     by: String,
-    /// When.
+    /// Time of the takeover.
     #[schema(value_type = String, format = DateTime)]
     at: Timestamp,
-    /// How many robots became free by it.
+    /// Number of robots that became free.
     robots: usize,
 }
 
 impl ClusterDocument {
-    /// The document of what a process knows of its cluster.
+    /// Document of a process's cluster.
     pub(super) fn of(membership: &Membership) -> Self {
         match membership.cluster() {
             Some(cluster) => Self::of_cluster(cluster),

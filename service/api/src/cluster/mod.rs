@@ -1,4 +1,4 @@
-//! `GET /cluster`: the instances, what each has, and how they get on.
+//! Route `GET /cluster`: the instances, their robots and duties, and their state.
 
 mod document;
 
@@ -15,26 +15,27 @@ use super::problem::Problem;
 
 use document::ClusterDocument;
 
-/// Who estimates which robot, at one moment.
+/// Owners of the robots at one moment.
 #[derive(Debug)]
 pub(super) struct Owners(Option<Arc<Snapshot>>);
 
 impl Owners {
-    /// As this instance knows it now.
+    /// Owners as this instance knows them now.
     pub(super) fn now(membership: &Membership) -> Self {
         Self(membership.cluster().map(|cluster| cluster.snapshot()))
     }
 
-    /// The instance that estimates a robot; `None` while none does, and of a service that is alone.
+    /// Instance that estimates a robot; `None` while there is none, and for a single service.
     pub(super) fn of(&self, robot: &RobotId) -> Option<String> {
         let owner = self.0.as_ref()?.robots.get(robot)?.owner.as_ref()?;
         Some(owner.instance.as_str().to_owned())
     }
 }
 
-/// Gives the instances of the cluster as this one knows them: which robots each has and for how long,
-/// who does what for all, and which robots nobody has. Of a service that has all robots, `alone` is
-/// true and there are none.
+/// Returns the instances of the cluster as this one knows them: the state and number of robots of
+/// each, the owner of each duty, and the robots without an instance.
+///
+/// For a single service that has all robots, `alone` is true and the list is empty.
 #[utoipa::path(get, path = "/cluster", tag = "service",
     responses((status = OK, description = "The instances", body = ClusterDocument)))]
 pub(super) async fn get_cluster(

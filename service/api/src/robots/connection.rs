@@ -16,42 +16,41 @@ use fleetcal_domain::approval::{Command, Maintenance, RobotLedger};
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::{ConnectionState, RobotView};
 
-/// Whether a robot is heard, apart from how its calibration stands.
+/// Connection of a robot, independent of its calibration.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Connection)]
 pub(super) struct ConnectionDocument {
     state: ConnectionState,
-    /// When anything was last received from it; absent of one that is online, and of one that was
-    /// never heard.
+    /// Last receipt of any data; absent if the robot is online, or was never received.
     #[schema(value_type = Option<String>, format = DateTime)]
     silent_since: Option<Timestamp>,
-    /// That it is switched off on purpose, as long as that holds.
+    /// Maintenance of the robot, while it lasts.
     maintenance: Option<MaintenanceDocument>,
 }
 
-/// That a robot is switched off on purpose: it raises no alert for sending nothing.
+/// Maintenance: the robot is switched off on purpose, and raises no alert for its silence.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Maintenance)]
 struct MaintenanceDocument {
-    /// When it ends by itself.
+    /// Time at which it ends.
     #[schema(value_type = String, format = DateTime)]
     until: Timestamp,
-    /// Who said so.
+    /// Person or tool that reported it.
     by: String,
-    /// When.
+    /// Time of the report.
     #[schema(value_type = String, format = DateTime)]
     at: Timestamp,
-    /// Why.
+    /// Reason for the maintenance.
     reason: String,
 }
 
-/// The maintenance that a robot is in.
+/// Maintenance of a robot, while it lasts.
 fn maintenance(ledger: &RobotLedger, now: WallTime) -> Option<&Maintenance> {
     let maintenance = ledger.shadow.maintenance.as_ref();
     maintenance.filter(|one| one.holds_at(now))
 }
 
-/// How a robot is heard.
+/// Connection state of a robot.
 pub(crate) fn connection_state(
     view: &RobotView,
     ledger: &RobotLedger,
@@ -61,7 +60,7 @@ pub(crate) fn connection_state(
 }
 
 impl ConnectionDocument {
-    /// How a robot is heard at this moment.
+    /// Connection of a robot at `now`.
     pub(super) fn of(view: &RobotView, ledger: &RobotLedger, now: WallTime) -> Self {
         let heard = view.connection.last_heard();
         let silent_since = heard.filter(|_| view.connection.stale);
@@ -78,22 +77,23 @@ impl ConnectionDocument {
     }
 }
 
-/// Until when a robot is switched off on purpose.
+/// Begin or end of a robot's maintenance.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = MaintenanceRequest)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MaintenanceBody {
-    /// When it ends by itself, at most 90 days from now; null ends it now.
+    /// Time at which it ends, at most 90 days from now; null ends it now.
     #[serde(deserialize_with = "Option::deserialize")]
     #[schema(value_type = Option<String>, format = DateTime, required = true)]
     until: Option<Timestamp>,
-    /// Why, 1 to 1000 characters.
+    /// Reason for the change, 1 to 1000 characters.
     #[schema(min_length = 1, max_length = 1000)]
     reason: String,
 }
 
-/// Says that a robot is switched off on purpose until some time, or that it is not any more. As
-/// long as it is, it raises no alert for sending nothing.
+/// Begins the maintenance of a robot that is switched off on purpose, or ends it.
+///
+/// During maintenance the robot raises no alert for its silence.
 #[utoipa::path(
     put,
     path = "/robots/{id}/maintenance",
@@ -101,9 +101,9 @@ pub(super) struct MaintenanceBody {
     params(("id" = RobotId, Path, description = "The robot.")),
     request_body = MaintenanceBody,
     responses(
-        (status = OK, description = "How the robot is heard now", body = ConnectionDocument),
+        (status = OK, description = "The connection of the robot", body = ConnectionDocument),
         (status = NOT_FOUND, description = "The robot is unknown"),
-        (status = CONFLICT, description = "The robot is in no maintenance that could end"),
+        (status = CONFLICT, description = "The robot is not in maintenance"),
     )
 )]
 pub(super) async fn put_maintenance(

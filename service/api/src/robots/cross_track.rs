@@ -1,4 +1,5 @@
-//! `GET /robots/{id}/cross_track_error`: how well a robot follows its path, before and after.
+//! Route `GET /robots/{id}/cross_track_error`: the accuracy of a robot's path following, by
+//! calibration.
 
 use axum::Json;
 use axum::extract::State;
@@ -11,31 +12,31 @@ use crate::ApiState;
 use crate::extract::{NoParameters, Parameters, RobotPath};
 use crate::problem::Problem;
 
-/// How well a robot follows its path, as it says itself.
+/// Cross-track errors that a robot reported.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = CrossTrackErrors)]
 pub(super) struct CrossTrackDocument {
     /// Width of a bin, m.
     bin_width_m: f64,
-    /// Where the first bin begins, m; negative is right of the path. What lies outside is in the
-    /// outermost bins.
+    /// Begin of the first bin, m; negative is right of the path. Errors beyond the bins count in
+    /// the outermost ones.
     from_m: f64,
-    /// One entry for each calibration that the robot has used, oldest first.
+    /// List with one entry for each calibration that the robot has used, oldest first.
     items: Vec<CrossTrackItem>,
 }
 
 /// Errors with one calibration.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 struct CrossTrackItem {
-    /// Its generation; 0 for what the robot drove with at first.
+    /// Generation of the calibration; 0 for the factory calibration.
     generation: Generation,
-    /// How many errors there are.
+    /// Number of errors.
     count: u64,
-    /// Their root mean square, m.
+    /// Root mean square of the errors, m.
     rms_m: f64,
-    /// Their mean, m; positive is left of the path.
+    /// Mean of the errors, m; positive is left of the path.
     mean_m: f64,
-    /// How many lie in each bin.
+    /// Number of errors in each bin.
     bins: Vec<u64>,
 }
 
@@ -51,8 +52,7 @@ impl CrossTrackItem {
     }
 }
 
-/// Gives how far a robot was off its path with each calibration that it has used, where it
-/// reports that.
+/// Returns a robot's cross-track errors with each calibration that it has used, if it reports them.
 #[utoipa::path(
     get,
     path = "/robots/{id}/cross_track_error",

@@ -22,42 +22,43 @@ use crate::approval::CalibrationSummary;
 use crate::cluster::Owners;
 use crate::time;
 
-/// A robot in the list.
+/// Robot in the list.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct RobotSummary {
-    /// Its id.
+    /// Id of the robot.
     pub(super) id: RobotId,
-    /// Where its estimate stands, in one word.
+    /// State of its estimate, in one word.
     pub(super) state: RobotState,
-    /// How it stands by its estimate, its calibration's life cycle and its alerts: the most urgent
-    /// of what is so.
+    /// Standing by its estimate, its calibration's life cycle and its alerts: the most urgent that
+    /// applies.
     pub(super) standing: Standing,
-    /// Whether nothing has come for some seconds.
+    /// True if nothing was received for some seconds.
     pub(super) stale: bool,
-    /// Whether its liveliness token stands.
+    /// True if its liveliness token is present.
     pub(super) alive: bool,
-    /// When anything was last received from it.
+    /// Last receipt of any data.
     #[schema(value_type = Option<String>, format = DateTime)]
     pub(super) last_seen: Option<Timestamp>,
-    /// Whether it is heard: online, silent, or switched off on purpose.
+    /// Connection: online, silent, or switched off on purpose.
     connection: ConnectionDocument,
-    /// The instance that estimates it; absent while none does, and where one service has all robots.
+    /// Instance that estimates it; absent while there is none, and for a single service.
     #[serde(skip_serializing_if = "Option::is_none")]
     instance: Option<String>,
-    /// The latest estimate, once there is one.
+    /// Latest estimate, once there is one.
     pub(super) estimate: Option<EstimateDocument>,
-    /// Its vehicle; absent for a robot that nobody has described yet.
+    /// Vehicle of the robot; absent before its configuration.
     vehicle: Option<VehicleDocument>,
-    /// What it sends.
+    /// Streams that it sends.
     streams: Vec<StreamDocument>,
-    /// Where its calibration stands.
+    /// State of its calibration.
     calibration: CalibrationSummary,
-    /// Distance that the estimator of the values in verification has followed, m; absent while none are.
+    /// Distance that the estimator of the values in verification has followed, m; absent without a
+    /// verification.
     verification_distance_m: Option<f64>,
 }
 
 impl RobotSummary {
-    /// The summary of a robot.
+    /// Summary of a robot.
     pub(super) fn of(
         view: RobotView,
         ledger: &RobotLedger,
@@ -94,38 +95,38 @@ impl RobotSummary {
     }
 }
 
-/// One robot. Its `ETag` is `version`, which only a change of `config` moves.
+/// Robot with its configuration. Its `ETag` is `version`, which only a change of `config` moves.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct RobotDocument {
     #[serde(flatten)]
     summary: RobotSummary,
-    /// Its configuration; absent for a robot that nobody has described yet.
+    /// Configuration of the robot; absent before the first one.
     config: Option<RobotConfig>,
-    /// Goes up by one with every change of `config`; 0 while there is none.
+    /// Version, incremented with every change of `config`; 0 before the first one.
     version: Version,
-    /// When `config` last changed.
+    /// Time of the last change of `config`.
     #[schema(value_type = Option<String>, format = DateTime)]
     configured: Option<Timestamp>,
-    /// What became of its messages:
-    /// `received = processed + dropped_… + refused + ignored + waiting`.
+    /// Counts of its messages by their outcome: `received = processed + dropped_… + refused +
+    /// ignored + waiting`.
     counters: Counters,
-    /// Times that its estimator was restarted after a failure.
+    /// Restarts of its estimator after a failure.
     estimator_restarts: u32,
-    /// How well steering and speed fit together, of a robot that sends them on different topics.
+    /// Pairing of steering and speed, for a robot that sends them on different topics.
     pairing: Option<PairingReport>,
-    /// What looks wrong with what it sends.
+    /// Warnings about its data.
     warnings: Vec<Warning>,
-    /// The ROS 2 topics that it has announced, by name.
+    /// Announced ROS 2 topics, by name.
     topics: Vec<AnnouncedTopic>,
-    /// The keys of `config` because of whose change its estimate begins from nothing, in the answer to `PUT`;
-    /// absent where the estimate goes on.
+    /// Keys of `config` whose change restarts its estimate, in the answer to `PUT`; absent if the
+    /// estimate continues.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     #[schema(required = false)]
     estimate_begins_again_by: Vec<&'static str>,
 }
 
 impl RobotDocument {
-    /// The document of a robot and what the store knows of it.
+    /// Document of a robot and its stored record.
     pub(super) fn of(
         view: RobotView,
         record: Option<&RobotRecord>,
@@ -151,7 +152,7 @@ impl RobotDocument {
         }
     }
 
-    /// With what a configuration did to the robot.
+    /// Adds the effect of a configuration on the robot.
     pub(super) fn configured(mut self, configured: Configured) -> Self {
         if let Configured::BeginsAgain(keys) = configured {
             self.estimate_begins_again_by = keys;
@@ -160,17 +161,17 @@ impl RobotDocument {
     }
 }
 
-/// What has come in on one stream of a robot.
+/// Traffic of one stream of a robot.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = StreamCounts)]
 struct StreamDocument {
-    /// Which stream.
+    /// Stream that was received.
     stream: Stream,
     /// Messages received.
     messages: u64,
     /// Messages per second, over the last seconds.
     rate_hz: f64,
-    /// When the last one was received.
+    /// Receipt of the last message.
     #[schema(value_type = Option<String>, format = DateTime)]
     last_received: Option<Timestamp>,
 }
@@ -186,23 +187,23 @@ impl StreamDocument {
     }
 }
 
-/// A robot's state, standing and presence on the event stream.
+/// State, standing and presence of a robot on the event stream.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = RobotStateUpdate)]
 pub(crate) struct RobotStateDocument {
     robot: RobotId,
-    /// Where its estimate stands, in one word.
+    /// State of its estimate, in one word.
     state: RobotState,
-    /// How it stands, in one word.
+    /// Standing of the robot, in one word.
     standing: Standing,
-    /// Whether nothing has come for some seconds.
+    /// True if nothing was received for some seconds.
     stale: bool,
-    /// Whether its liveliness token stands.
+    /// True if its liveliness token is present.
     alive: bool,
 }
 
 impl RobotStateDocument {
-    /// The document of a robot that stands like this.
+    /// Document of a robot with this standing.
     pub(crate) fn of(view: &RobotView, standing: Standing) -> Self {
         Self {
             robot: view.id.clone(),
@@ -213,12 +214,12 @@ impl RobotStateDocument {
         }
     }
 
-    /// Whose.
+    /// Robot of the document.
     pub(crate) const fn robot(&self) -> &RobotId {
         &self.robot
     }
 
-    /// How it stands.
+    /// Standing of the robot.
     pub(crate) const fn standing(&self) -> Standing {
         self.standing
     }

@@ -1,4 +1,4 @@
-//! `GET /robots/{id}/estimate`: a robot's calibration now.
+//! Route `GET /robots/{id}/estimate`: a robot's present calibration.
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -11,7 +11,7 @@ use crate::etag::tagged_json;
 use crate::extract::{NoParameters, Parameters, RobotPath};
 use crate::problem::Problem;
 
-/// Gives a robot's calibration now: the document that is also on `{root}/{robot}/estimate`.
+/// Returns a robot's present calibration: the document that is also on `{root}/{robot}/estimate`.
 #[utoipa::path(
     get,
     path = "/robots/{id}/estimate",

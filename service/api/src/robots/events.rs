@@ -1,4 +1,4 @@
-//! `GET` and `POST /robots/{id}/events`: what happened to a robot.
+//! Routes `GET` and `POST /robots/{id}/events`: a robot's history of events.
 
 use std::sync::Arc;
 
@@ -28,34 +28,34 @@ use crate::page::page_limit;
 use crate::problem::Problem;
 use crate::time;
 
-/// Something that happened to a robot.
+/// Event of a robot.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Event)]
 pub(crate) struct EventDocument {
-    /// Its number; later events have higher ones. Absent on the event stream.
+    /// Number of the event; later events have higher ones. Absent on the event stream.
     #[serde(skip_serializing_if = "Option::is_none")]
     id: Option<i64>,
     robot: RobotId,
     kind: EventKind,
-    /// When it happened, by the robot's clock.
+    /// Time of the event, by the robot's clock.
     #[schema(value_type = String, format = DateTime)]
     time: Timestamp,
-    /// When the service learnt of it, by its own clock.
+    /// Time at which the service received it, by its own clock.
     #[schema(value_type = String, format = DateTime)]
     received: Timestamp,
-    /// Who says so.
+    /// Source of the event.
     source: EventSource,
-    /// The name of the person or tool that said so.
+    /// Name of the person or tool.
     author: Option<String>,
-    /// In words.
+    /// Note, in words.
     note: Option<String>,
-    /// What belongs to its kind: of a change `cause`, `time_s`, `onset_s` and `change`.
+    /// Details that belong to its kind: for a change `cause`, `time_s`, `onset_s` and `change`.
     #[schema(value_type = Option<Object>)]
     details: Option<serde_json::Value>,
 }
 
 impl EventDocument {
-    /// The document of an event that has no number yet.
+    /// Document of an event without a number yet.
     pub(crate) fn of(event: NewEvent) -> Self {
         Self {
             id: None,
@@ -82,7 +82,7 @@ impl EventDocument {
 #[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct EventPage {
     items: Vec<EventDocument>,
-    /// `cursor` of the next page; absent on the last one.
+    /// Value of `cursor` for the next page; absent on the last one.
     #[serde(skip_serializing_if = "Option::is_none")]
     next: Option<String>,
 }
@@ -94,11 +94,11 @@ pub(super) struct EventParameters {
     /// Events of a page, 1 to 1000.
     #[param(value_type = Option<u32>)]
     limit: Option<String>,
-    /// `next` of the page before.
+    /// Value of `next` of the previous page.
     cursor: Option<String>,
 }
 
-/// Lists what happened to a robot, newest first.
+/// Lists the events of a robot, newest first.
 #[utoipa::path(
     get,
     path = "/robots/{id}/events",
@@ -130,27 +130,31 @@ pub(super) async fn list_events(
     listing::page(Rows::new(before, limit, read)).await
 }
 
-/// A note that a person or tool attaches to a robot's history. Its author is the caller.
+/// Note of a person or tool for a robot's history.
+///
+/// Its author is the caller.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = NewEvent)]
 #[serde(deny_unknown_fields)]
 pub(super) struct NewEventDocument {
-    /// What happened. After `reassembled` the calibration is compared with the stored one.
+    /// Kind of the event. After `reassembled` the calibration is compared with the one known just
+    /// before.
     kind: NoteKind,
-    /// When, by the robot's clock, as it is shown; its latest estimate's time unless given. It counts from
-    /// the moment at which it is noted.
+    /// Displayed time of the event, by the robot's clock; its latest estimate's time unless given.
+    /// The note takes effect when it is received.
     #[serde(default)]
     #[schema(value_type = Option<String>, format = DateTime)]
     time: Option<Timestamp>,
-    /// In words, at most 1000 characters.
+    /// Note, at most 1000 characters.
     #[serde(default)]
     #[schema(max_length = 1000)]
     note: String,
 }
 
-/// Attaches a note to a robot's history, such as "the LiDAR was taken off and put back". What is answered
-/// with 201 reaches the robot's estimator, also after a restart. With an
-/// `Idempotency-Key` a request that is sent again is answered with the same event.
+/// Attaches a note to a robot's history, such as "the LiDAR was taken off and put back".
+///
+/// A note that is answered with 201 reaches the robot's estimator, also after a restart. With an
+/// `Idempotency-Key` a repeated request is answered with the same event.
 #[utoipa::path(
     post,
     path = "/robots/{id}/events",
@@ -227,7 +231,7 @@ fn known(api: &ApiState, id: &RobotId) -> Result<RobotView, Problem> {
         .ok_or_else(|| Problem::robot_unknown(id.as_str()))
 }
 
-/// When a note's event happened, for people: the estimator takes it where it comes.
+/// Displayed time of a note's event; for the estimator the note takes effect when it is received.
 fn stamp_of(
     body: &NewEventDocument,
     view: &RobotView,

@@ -1,4 +1,4 @@
-//! `GET /robots/{id}/history`: how a robot's parameters went.
+//! Route `GET /robots/{id}/history`: a robot's parameters over time.
 
 use axum::body::Body;
 use axum::extract::State;
@@ -24,26 +24,25 @@ use crate::time;
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub(super) struct HistoryParameters {
-    /// Names of parameters with commas between them; all of them unless given.
+    /// Names of parameters, separated by commas; all parameters unless given.
     #[param(example = "steering_offset,lidar_x")]
     parameter: Option<String>,
     /// Beginning, RFC 3339, by the robot's clock; an hour before `to` unless given.
     #[param(value_type = Option<String>, format = DateTime)]
     from: Option<String>,
-    /// End, RFC 3339, by the robot's clock, not part of the span; the latest estimate unless
-    /// given.
+    /// End, RFC 3339, by the robot's clock, not part of the span; the latest estimate unless given.
     #[param(value_type = Option<String>, format = DateTime)]
     to: Option<String>,
-    /// At most this many stretches, 2 to 5000; 600 unless given.
+    /// Largest number of stretches, 2 to 5000; 600 unless given.
     #[param(value_type = Option<u32>)]
     max_points: Option<String>,
-    /// `json` or `csv` (to be saved); `json` unless given.
+    /// Format: `json` or `csv` (to be saved); `json` unless given.
     format: Option<String>,
 }
 
-/// A robot's history in columns: entry `i` of every list is about the stretch of `bucket_s`
-/// seconds that begins at `time[i]`. Stretches without data are left out: where two times are
-/// further apart than `bucket_s`, there is a gap.
+/// History of a robot in columns: entry `i` of every list is about the stretch of `bucket_s`
+/// seconds that begins at `time[i]`. Stretches without data are absent: two times that are further
+/// apart than `bucket_s` show a gap.
 #[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct HistoryDocument {
     robot: RobotId,
@@ -62,16 +61,16 @@ pub(super) struct HistoryDocument {
     count: Vec<u32>,
     /// Mean normalised innovation squared of each stretch.
     nis: Vec<Option<f64>>,
-    /// The parameters.
+    /// Histories of the parameters.
     series: Vec<Series>,
 }
 
-/// One parameter's history. Values are null where the parameter was fixed or off.
+/// History of one parameter. Values are null while the parameter was fixed or off.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = HistorySeries)]
 struct Series {
     parameter: Parameter,
-    /// Unit of the values. A heading goes on beyond half a turn, so that it has no jumps.
+    /// Unit of the values. A heading continues beyond half a turn, so that it has no jumps.
     unit: Unit,
     mean: Vec<Option<f64>>,
     min: Vec<Option<f64>>,
@@ -82,7 +81,9 @@ struct Series {
     status: Vec<Option<ParameterStatus>>,
 }
 
-/// Gives how a robot's parameters went, at the finest resolution that fits into `max_points`.
+/// Returns the history of a robot's parameters, at the finest resolution that fits into
+/// `max_points`.
+///
 /// Extremes survive: each stretch has its lowest and highest value.
 #[utoipa::path(
     get,
@@ -139,7 +140,7 @@ pub(super) async fn get_history(
     })
 }
 
-/// Those of these names, each once: a header has room for thousands.
+/// Parameters of these names, each once: a header has room for thousands.
 fn parameters_of(names: Option<&str>) -> Result<Vec<Parameter>, Problem> {
     let Some(names) = names else {
         return Ok(Parameter::ALL.to_vec());
@@ -155,7 +156,7 @@ fn parameters_of(names: Option<&str>) -> Result<Vec<Parameter>, Problem> {
     Ok(parameters)
 }
 
-/// Beginning and end that are asked for, s.
+/// Requested begin and end, s.
 async fn span_of(
     api: &ApiState,
     id: &RobotId,
@@ -188,7 +189,7 @@ async fn span_of(
     Ok((from_s, to_s))
 }
 
-/// A history, of which the text is written piece by piece: that of all has megabytes.
+/// History whose text is written piece by piece: that of all parameters has megabytes.
 struct HistoryText {
     query: HistoryQuery,
     history: History,
@@ -198,12 +199,12 @@ struct HistoryText {
 const LINES_AT_ONCE: usize = limits::LIST_ROWS_AT_ONCE as usize;
 
 impl HistoryText {
-    /// One piece of JSON before those of the parameters, and one after them.
+    /// Number of pieces of JSON: one before those of the parameters, and one after them.
     fn json_pieces(&self) -> usize {
         self.query.parameters.len() + 2
     }
 
-    /// A [`HistoryDocument`], in this many pieces.
+    /// Piece of the [`HistoryDocument`].
     fn json(&self, piece: usize) -> serde_json::Result<String> {
         let Some(index) = piece.checked_sub(1) else {
             return self.json_head();
@@ -216,7 +217,7 @@ impl HistoryText {
         Ok(format!("{comma}{}", serde_json::to_string(&series)?))
     }
 
-    /// Its beginning, up to the parameters.
+    /// Begin of the JSON, up to the parameters.
     fn json_head(&self) -> serde_json::Result<String> {
         let HistoryQuery {
             robot,
@@ -244,13 +245,12 @@ impl HistoryText {
         ))
     }
 
-    /// The line of names, and lines of stretches.
+    /// Number of pieces of the table: the line of names, and lines of stretches.
     fn csv_pieces(&self) -> usize {
         1 + self.history.stretches.len().div_ceil(LINES_AT_ONCE)
     }
 
-    /// A table with one line for each stretch, in so many pieces; empty fields where nothing was
-    /// estimated.
+    /// Piece of the table with one line for each stretch; fields without an estimate are empty.
     fn csv(&self, piece: usize) -> String {
         let Some(chunk) = piece.checked_sub(1) else {
             return self.csv_names();

@@ -1,4 +1,4 @@
-//! `GET /robots`: every robot, the worst first.
+//! Route `GET /robots`: every robot, the worst first.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -32,56 +32,57 @@ const STATES: [RobotState; 6] = [
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ListParameters {
-    /// Only robots in this state.
+    /// State of the robots.
     #[param(value_type = Option<RobotState>)]
     state: Option<String>,
-    /// Only robots that stand like this.
+    /// Standing of the robots.
     #[param(value_type = Option<Standing>)]
     standing: Option<String>,
-    /// Only robots that are heard like this.
+    /// Connection state of the robots.
     #[param(value_type = Option<ConnectionState>)]
     connection: Option<String>,
-    /// `severity` (by standing, the most urgent first, then by id) or `id`; by id unless given.
+    /// Order: `severity` (by standing, the most urgent first, then by id) or `id`; by id unless
+    /// given.
     #[param(value_type = Option<SortSchema>)]
     sort: Option<String>,
     /// Robots of a page, 1 to 1000.
     #[param(value_type = Option<u32>)]
     limit: Option<String>,
-    /// `next` of the page before.
+    /// Value of `next` of the previous page.
     cursor: Option<String>,
 }
 
-/// The order of a list of robots.
+/// Order of a list of robots.
 #[derive(utoipa::ToSchema)]
 #[schema(as = RobotSort, rename_all = "snake_case")]
 #[expect(dead_code, reason = "a schema")]
 pub(crate) enum SortSchema {
-    /// By standing, the most urgent first, then by id.
+    /// Order by standing, the most urgent first, then by id.
     Severity,
-    /// By id.
+    /// Order by id.
     Id,
 }
 
-/// A page of robots.
+/// Page of robots.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct RobotPage {
-    /// The robots.
+    /// Robots of the page.
     items: Vec<RobotSummary>,
-    /// `cursor` of the next page; absent on the last one.
+    /// Value of `cursor` for the next page; absent on the last one.
     #[serde(skip_serializing_if = "Option::is_none")]
     next: Option<String>,
-    /// How many robots are in each state, whatever was asked for.
+    /// Number of robots in each state, independent of the filters.
     #[schema(value_type = BTreeMap<String, usize>)]
     counts: BTreeMap<&'static str, usize>,
-    /// How many robots stand how, whatever was asked for.
+    /// Number of robots of each standing, independent of the filters.
     #[schema(value_type = BTreeMap<String, usize>)]
     standings: BTreeMap<&'static str, usize>,
-    /// How many robots are heard how, whatever was asked for.
+    /// Number of robots of each connection state, independent of the filters.
     #[schema(value_type = BTreeMap<String, usize>)]
     connections: BTreeMap<&'static str, usize>,
 }
 
-/// Lists the robots: those that are configured, and those that send without being configured.
+/// Lists the robots: the configured ones, and those that send data without a configuration.
 #[utoipa::path(
     get,
     path = "/robots",
@@ -144,7 +145,7 @@ pub(super) async fn list_robots(
     }))
 }
 
-/// A robot, and what lists go by.
+/// Robot with the properties that lists filter and sort by.
 struct Listed {
     view: RobotView,
     ledger: Arc<RobotLedger>,
@@ -167,7 +168,7 @@ fn listed(api: &ApiState, now: WallTime) -> Vec<Listed> {
     listed.collect()
 }
 
-/// How many robots there are of each value, also of those without any.
+/// Number of robots of each value; 0 for values without any.
 fn count_names<T: Copy>(
     all: &[T],
     robots: &[Listed],
@@ -205,7 +206,7 @@ fn state_named(name: &str) -> Result<RobotState, Problem> {
         })
 }
 
-/// The place in the list that a cursor names.
+/// Position in the list that a cursor names.
 fn position_of(cursor: &str) -> Result<(u8, String), Problem> {
     let position = cursor.split_once('.').and_then(|(rank, id)| {
         let rank = rank.parse().ok()?;

@@ -1,4 +1,4 @@
-//! `GET /robots/{id}/manoeuvres`: what a robot should drive next.
+//! Route `GET /robots/{id}/manoeuvres`: the manoeuvres that a robot should drive next.
 
 use axum::Json;
 use axum::extract::State;
@@ -19,10 +19,10 @@ const SIDE_MAX_M: f64 = 10_000.0;
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FloorParameters {
-    /// One side of the free floor, m; without both sides every manoeuvre fits.
+    /// Length of the free floor, m; without both sides every manoeuvre fits.
     #[param(value_type = Option<f64>)]
     length_m: Option<String>,
-    /// The other side, m.
+    /// Width of the free floor, m.
     #[param(value_type = Option<f64>)]
     width_m: Option<String>,
 }
@@ -55,30 +55,30 @@ fn refused(name: &str, given: &str) -> Problem {
     Problem::refused(name, given, accepted)
 }
 
-/// What a robot should drive next, the best first.
+/// Manoeuvres that a robot should drive next, the best first.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Manoeuvres)]
 pub(super) struct ManoeuvresDocument {
-    /// Those that fit on the floor; empty before the robot has sent anything.
+    /// Manoeuvres that fit on the floor; empty before the robot has sent data.
     items: Vec<ManoeuvreDocument>,
 }
 
-/// A manoeuvre and what it would add for this robot now.
+/// Manoeuvre with its benefit for this robot now.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Manoeuvre)]
 struct ManoeuvreDocument {
-    /// Short name, `left_turn`.
+    /// Short name, such as `left_turn`.
     name: &'static str,
-    /// What to say to a driver.
+    /// Instruction for a driver.
     instruction: String,
-    /// Way of it, m.
+    /// Length of its path, m.
     distance_m: f64,
-    /// Floor that it takes, m.
+    /// Length of the floor that it needs, m.
     length_m: f64,
-    /// Floor that it takes, m.
+    /// Width of the floor that it needs, m.
     width_m: f64,
-    /// How many times the sigmas that are too large for `converged` would shrink, all in all, as a
-    /// natural logarithm; 0 when none is too large.
+    /// Reduction of the sigmas that are too large for `converged`, in all, as a natural logarithm
+    /// of the ratio; 0 if none is too large.
     uncertainty_taken: f64,
     /// Information about all estimated parameters, bits.
     information_bits: f64,
@@ -88,13 +88,13 @@ struct ManoeuvreDocument {
 
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 struct SigmaAfter {
-    /// Of the steering offset, rad.
+    /// Sigma of the steering offset, rad.
     steering_offset: f64,
-    /// Of the LiDAR's x, m.
+    /// Sigma of the LiDAR's x, m.
     lidar_x: f64,
-    /// Of the LiDAR's y, m.
+    /// Sigma of the LiDAR's y, m.
     lidar_y: f64,
-    /// Of the LiDAR's yaw, rad.
+    /// Sigma of the LiDAR's yaw, rad.
     lidar_yaw: f64,
 }
 
@@ -121,8 +121,8 @@ impl ManoeuvreDocument {
     }
 }
 
-/// Says what a robot should drive next: the manoeuvres that fit on the floor, by the uncertainty that each
-/// would take for every metre of its way.
+/// Returns the manoeuvres that a robot should drive next: those that fit on the floor, by the
+/// uncertainty that each removes per metre of its path.
 #[utoipa::path(
     get,
     path = "/robots/{id}/manoeuvres",

@@ -1,4 +1,4 @@
-//! The robots: list, registration, estimate, history and events.
+//! Routes of robots: list, registration, estimate, history and events.
 
 mod connection;
 mod cross_track;
@@ -23,7 +23,7 @@ pub(super) use events::EventDocument;
 pub(super) use list::SortSchema;
 pub(super) use recording::Recordings;
 
-/// The routes under `/robots`.
+/// Routes under `/robots`.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(list::list_robots))

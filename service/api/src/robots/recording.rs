@@ -1,4 +1,4 @@
-//! `GET /robots/{id}/recording`: a recording of a robot as it drives, as MCAP for Foxglove.
+//! Route `GET /robots/{id}/recording`: a live recording of a robot, as MCAP for Foxglove.
 
 use std::io;
 use std::sync::Arc;
@@ -24,16 +24,16 @@ use crate::extract::{Parameters, number_within};
 use crate::forwarding::OwnRobot;
 use crate::problem::Problem;
 
-/// What recordings share.
+/// State that recordings share.
 #[derive(Debug, Clone)]
 pub(crate) struct Recordings {
     places: Arc<Semaphore>,
-    /// Ends them all.
+    /// Token that ends them all.
     stop: CancellationToken,
 }
 
 impl Recordings {
-    /// Of a service that runs until `stop`.
+    /// Makes the state of a service that runs until `stop`.
     pub(crate) fn new(stop: CancellationToken) -> Self {
         let places = Arc::new(Semaphore::new(limits::RECORDINGS_MAX));
         Self { places, stop }
@@ -44,24 +44,26 @@ impl Recordings {
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RecordingParameters {
-    /// How long it is recorded, s, 1 to 3600; 60 unless given.
+    /// Duration of the recording, s, 1 to 3600; 60 unless given.
     #[param(value_type = Option<u32>)]
     duration_s: Option<String>,
 }
 
-/// An MCAP file.
+/// File in the MCAP format.
 #[derive(utoipa::ToSchema)]
 #[schema(value_type = String, format = Binary)]
-#[expect(dead_code, reason = "it is described, and written piece by piece")]
+#[expect(dead_code, reason = "a schema; the file is written piece by piece")]
 pub(super) struct RecordingFile(Vec<u8>);
 
-/// Records a robot from now on and gives it as it is written: an MCAP file that Foxglove
-/// opens, with the robot's own messages, `/tf`, `/{robot}/estimate` and `/{robot}/events`, all logged
-/// by the robot's clock. It is whole after `duration_s`, when it has 1 GiB, or when the permission
-/// ends, for clients that take the rest within 30 s; and when the service stops, for those that do
-/// within 2 s. Else, and when nothing is taken for 30 s, the connection breaks off and the file lacks its end.
-/// Nothing of it is kept. What came faster than it was fetched is missing; the metadata
-/// `fleetcal.session` say how much.
+/// Records a robot from now on and returns the recording while it is written: an MCAP file that
+/// Foxglove opens.
+///
+/// It has the robot's own messages, `/tf`, `/{robot}/estimate` and `/{robot}/events`, all logged by
+/// the robot's clock. It is complete after `duration_s`, at 1 GiB, or when the permission ends, for
+/// clients that read the rest within 30 s; and when the service stops, for clients that do within 2
+/// s. Otherwise, and if nothing is read for 30 s, the connection is closed and the file lacks its
+/// end. The service keeps no copy. Messages that arrived faster than they were read are missing;
+/// the metadata `fleetcal.session` report how many.
 #[utoipa::path(
     get,
     path = "/robots/{id}/recording",
@@ -112,7 +114,7 @@ pub(super) async fn get_recording(
         };
         let outcome = live::record(id.clone(), tap, pieces, Patience::default(), end).await;
         if let Err(error) = &outcome {
-            tracing::warn!(robot.id = %id, %error, "a recording was broken off");
+            tracing::warn!(robot.id = %id, %error, "a recording ended before it was complete");
         }
         drop(place);
         // Whoever fetched it may have gone.
@@ -134,8 +136,8 @@ pub(super) async fn get_recording(
     Ok(response)
 }
 
-/// A recording's pieces, and after them an error unless it came to its end: that breaks the
-/// connection off, so that nobody takes for whole what is not.
+/// Pieces of a recording, followed by an error unless it is complete: the error closes the
+/// connection, so that no client accepts an incomplete file.
 fn file_of(
     pieces: mpsc::Receiver<Vec<u8>>,
     outcome: oneshot::Receiver<Result<(), LiveError>>,
@@ -154,7 +156,7 @@ fn file_of(
 mod tests {
     use super::*;
 
-    /// What comes of two pieces and this outcome.
+    /// Stream of two pieces with this outcome.
     async fn file(outcome: Option<Result<(), LiveError>>) -> Vec<io::Result<Vec<u8>>> {
         let (pieces, receiver) = mpsc::channel(2);
         for piece in [vec![1], vec![2]] {

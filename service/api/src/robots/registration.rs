@@ -1,4 +1,4 @@
-//! `GET` and `PUT /robots/{id}`: a robot and its configuration.
+//! Routes `GET` and `PUT /robots/{id}`: a robot and its configuration.
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -21,8 +21,9 @@ use crate::etag::{expected, versioned_json};
 use crate::extract::{Body, NoParameters, Parameters, RobotPath};
 use crate::problem::Problem;
 
-/// Gives one robot: its state, what it sends, and its configuration. The `ETag` is the version of
-/// the configuration.
+/// Returns one robot: its state, its streams, and its configuration.
+///
+/// The `ETag` is the version of the configuration.
 #[utoipa::path(
     get,
     path = "/robots/{id}",
@@ -42,10 +43,12 @@ pub(super) async fn get_robot(
     answer(&api, &id, StatusCode::OK, Configured::GoesOn).await
 }
 
-/// Registers a robot or changes its configuration. The first configuration is sent with
-/// `If-None-Match: *`, a change with `If-Match` and the `ETag` of `GET`. A robot's estimate begins again
-/// when its vehicle, nominal extrinsics, estimator settings, joints or the meaning of its steering angles
-/// change, which the answer then says; topics, scans and `rear_axle_in_base_link` leave it.
+/// Registers a robot or changes its configuration.
+///
+/// The first configuration is sent with `If-None-Match: *`, a change with `If-Match` and the `ETag`
+/// of `GET`. A robot's estimate restarts if its vehicle, nominal extrinsics, estimator settings,
+/// joints or the meaning of its steering angles change, which the answer then reports; topics,
+/// scans and `rear_axle_in_base_link` do not affect it.
 #[utoipa::path(
     put,
     path = "/robots/{id}",
@@ -97,8 +100,8 @@ pub(super) async fn put_robot(
     answer(&api, &id, status, configured).await
 }
 
-/// Stores the configuration and gives it to the fleet; gives its version and what it did. What replaces a stored
-/// configuration without naming a topic for wheel odometry keeps the stored one's.
+/// Stores the configuration and passes it to the fleet; returns its version and its effect. A
+/// configuration without a topic of wheel odometry keeps that of the one it replaces.
 async fn register(
     api: ApiState,
     id: RobotId,
@@ -114,7 +117,7 @@ async fn register(
     Ok((version, configured))
 }
 
-/// Refuses a robot that the fleet would have no room for, before it is stored.
+/// Refuses a robot beyond the fleet's limit, before it is stored.
 fn check_room(api: &ApiState, id: &RobotId) -> Result<(), Problem> {
     let robots = api.fleet.robots();
     let configured = robots
@@ -126,7 +129,7 @@ fn check_room(api: &ApiState, id: &RobotId) -> Result<(), Problem> {
     Ok(())
 }
 
-/// Refuses a prefix that is another robot's: its messages would be taken for this one's.
+/// Refuses the prefix of another robot, whose messages would be attributed to this one.
 fn check_prefix(api: &ApiState, id: &RobotId, config: &RobotConfig) -> Result<(), Problem> {
     let Some(prefix) = &config.streams.fields().prefix else {
         return Ok(());

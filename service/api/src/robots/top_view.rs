@@ -1,4 +1,4 @@
-//! `GET /robots/{id}/top-view`: a robot from above.
+//! Route `GET /robots/{id}/top-view`: the top view of a robot.
 
 use axum::Json;
 use axum::extract::State;
@@ -12,19 +12,18 @@ use crate::extract::{NoParameters, Parameters};
 use crate::forwarding::OwnRobot;
 use crate::problem::Problem;
 
-/// A robot from above: its latest scan on the local map, and how it came here by what the
-/// LiDAR says and by what raw and corrected steering say. All in the LiDAR's odometry frame.
+/// Top view of a robot: its latest scan on the local map, and its trajectory by the LiDAR and by
+/// raw and corrected steering. All in the LiDAR's odometry frame.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = TopView)]
 pub(super) struct TopViewDocument {
     /// Time of the latest scan or pose, ns since 1970 by the robot's clock.
     stamp_ns: i64,
-    /// The LiDAR's pose then.
+    /// Pose of the LiDAR at that time.
     lidar: TopViewPose,
-    /// Where the LiDAR sits on the vehicle, as estimated: its pose from the rear axle's centre;
-    /// null before the first guess.
+    /// Estimated pose of the LiDAR from the rear axle's centre; null before the first guess.
     lidar_in_base: Option<TopViewPose>,
-    /// Whether the scan fits nowhere on the map: its pose is a guess.
+    /// True if the scan fits nowhere on the map: its pose is a guess.
     lost: bool,
     /// Returns of the latest scan, corrected for the motion within it: x and y, m. Empty for a
     /// robot that sends poses.
@@ -32,35 +31,35 @@ pub(super) struct TopViewDocument {
     /// Surfaces of the local map, a point for each cell of 10 cm, the nearest 4096 within 30 m: x
     /// and y, m. Empty for a robot that sends poses.
     surfaces_m: Vec<[f64; 2]>,
-    /// How the rear axle came here, oldest first: the last 20 m, or as far back as a stretch without
-    /// a gap goes. Empty before the first guess.
+    /// Trajectory of the rear axle, oldest first: the last 20 m, or the latest stretch without a
+    /// gap. Empty before the first guess.
     trajectory: Vec<TopViewPoint>,
-    /// Length of the trajectory, m by the wheels.
+    /// Length of the trajectory by the wheels, m.
     distance_m: f64,
 }
 
-/// A pose in the plane.
+/// Pose in the plane.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 struct TopViewPose {
-    /// x, m.
+    /// Position x, m.
     x_m: f64,
-    /// y, m.
+    /// Position y, m.
     y_m: f64,
     /// Heading, counter-clockwise, rad.
     yaw_rad: f64,
 }
 
-/// Where the rear axle's centre was at one time: x and y, m. The two steerings begin where the
-/// LiDAR says, and are speed and steering alone from there.
+/// Positions of the rear axle's centre at one time: x and y, m. The two by steering begin at the
+/// LiDAR's pose, and follow speed and steering alone from there.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 struct TopViewPoint {
-    /// The time, ns since 1970 by the robot's clock.
+    /// Time of the position, ns since 1970 by the robot's clock.
     stamp_ns: i64,
-    /// By LiDAR odometry and the estimated mount.
+    /// Position by LiDAR odometry and the estimated mount.
     by_lidar_m: [f64; 2],
-    /// By the steering as it was measured.
+    /// Position by the measured steering.
     by_raw_steering_m: [f64; 2],
-    /// By the steering with the estimated offset taken off.
+    /// Position by the steering minus the estimated offset.
     by_corrected_steering_m: [f64; 2],
 }
 
@@ -105,19 +104,19 @@ impl TopViewDocument {
     }
 }
 
-/// To the millimetre: a drawing shows no more, and the answer is half as long.
+/// Rounds to the millimetre: a drawing shows no more, and the answer is half as long.
 fn rounded(point: [f64; 2]) -> [f64; 2] {
     point.map(|m| (m * 1e3).round() / 1e3)
 }
 
-/// Gives a robot from above, as its estimator sees it now; null before the first scan or pose.
+/// Returns the top view of a robot from its estimator now; null before the first scan or pose.
 #[utoipa::path(
     get,
     path = "/robots/{id}/top-view",
     tag = "robots",
     params(("id" = RobotId, Path, description = "The robot.")),
     responses(
-        (status = OK, description = "The robot from above; null before its first scan or pose",
+        (status = OK, description = "The top view; null before the robot's first scan or pose",
             body = Option<TopViewDocument>),
         (status = NOT_FOUND, description = "The robot is unknown"),
         (status = CONFLICT, description = "The robot is not registered"),

@@ -1,4 +1,4 @@
-//! Signing in, users, tokens, and what ends them.
+//! Signing in, users, tokens, and the ends of their validity.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use super::*;
 const PASSWORD: &str = "correct horse battery";
 const NOBODY: (&str, &str) = ("authorization", "");
 
-/// Makes a user named after a role, with [`PASSWORD`].
+/// Creates a user named after a role, with [`PASSWORD`].
 async fn user(bench: &Bench, role: Role) {
     let password = Password::parse(PASSWORD).unwrap();
     let change = UserChange::Create {
@@ -33,13 +33,13 @@ async fn sign_in(bench: &Bench, name: &str, password: &str) -> Answer {
         .await
 }
 
-/// The cookie that an answer sets, as a browser sends it back.
+/// Cookie that an answer sets, as a browser returns it.
 fn cookie(answer: &Answer) -> String {
     let set = answer.header("set-cookie");
     set.split(';').next().unwrap().to_owned()
 }
 
-/// Makes a user of this role and signs in; gives the cookie.
+/// Creates a user of this role and signs in; returns the cookie.
 pub(super) async fn signed_in(bench: &Bench, role: Role) -> String {
     user(bench, role).await;
     let answer = sign_in(bench, role.as_str(), PASSWORD).await;

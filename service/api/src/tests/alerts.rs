@@ -1,4 +1,4 @@
-//! `/alerts` and `/webhooks`.
+//! Routes of `/alerts` and `/webhooks`.
 
 use std::time::Duration;
 
@@ -13,11 +13,11 @@ use insta::assert_snapshot;
 
 use super::*;
 
-/// Longer than anything here takes.
+/// Timeout beyond any duration of these tests.
 const PATIENCE: Duration = Duration::from_mins(1);
 
 impl Bench {
-    /// Something is wrong with a robot, as the rules would have seen it.
+    /// Applies an observation of a robot, as the rules would make it.
     async fn observe(&self, name: &str, kind: AlertKind, observation: Observation) {
         let sighting = Sighting {
             kind,
@@ -35,7 +35,7 @@ impl Bench {
         self.store.transact(write).await.unwrap();
     }
 
-    /// An answer, once it is as it should be.
+    /// Answer, once it satisfies a condition.
     pub(super) async fn once(&self, uri: &str, is_ready: impl Fn(&Value) -> bool) -> Value {
         let wait = async {
             loop {

@@ -1,4 +1,4 @@
-//! Proposals, deployments, what robots hold, the deployment freeze, and the audit.
+//! Proposals, deployments, shadows, the deployment freeze, and the audit.
 
 use fleetcal_model::{Generation, Version};
 use fleetcal_proto::calibration::{AppliedStatus, Confirmed, Envelope};
@@ -11,7 +11,7 @@ use super::*;
 const VALUES: &str = r#"{"steering_offset_rad": 0.02, "lidar_x_m": 0.43, "lidar_y_m": 0.01,
     "lidar_yaw_rad": 0.01}"#;
 
-/// Somebody with a token, and how one writes to the API as that person.
+/// Person with a token, who writes to the API.
 struct Person {
     authorization: String,
 }
@@ -62,7 +62,8 @@ impl Bench {
         .await
     }
 
-    /// What the robot gets when it asks over HTTP with a new number; who only looks is offered nothing.
+    /// Answer to the robot's own request over HTTP with a new number; a request that only reads
+    /// makes no offer.
     async fn pull(&self, robot: &Person) -> Envelope {
         let question = "0123456789abcdef0123456789abcdef";
         let uri = format!("/api/v1/robots/a/calibration?question={question}");
@@ -88,7 +89,8 @@ impl Bench {
         envelope
     }
 
-    /// The robot applies it, and is told in a signed text that this answer is stored.
+    /// Answers that the robot has applied a document, and checks the signed confirmation of that
+    /// answer.
     async fn is_confirmed(&self, robot: &Person, envelope: &Envelope) {
         let stored = self.answer(robot, envelope, "applied").await;
         assert_eq!(stored.status, 200);
@@ -100,7 +102,7 @@ impl Bench {
         );
     }
 
-    /// The robot's own answer over HTTP.
+    /// Answers as the robot over HTTP.
     async fn answer(&self, robot: &Person, envelope: &Envelope, status: &str) -> Answer {
         let document: Value = serde_json::from_str(&envelope.document).unwrap();
         let body = json!({
@@ -115,7 +117,7 @@ impl Bench {
     }
 }
 
-/// A robot "a" with a drawing near to [`VALUES`] in the configuration file.
+/// Bench with a robot "a" that has a drawing near to [`VALUES`] in the configuration file.
 async fn drawn() -> Bench {
     let bench = bench(&["a"]).await;
     let config = RobotConfig {

@@ -1,4 +1,4 @@
-//! Several instances: what one says of them, and what it has another answer.
+//! Several instances: the cluster's document, and requests that one forwards to another.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -60,7 +60,7 @@ fn owned(by: Option<&str>, epoch: i64) -> Ownership {
     }
 }
 
-/// Instances a and b; of these robots each has an owner or none.
+/// Snapshot of instances a and b; each of these robots has an owner or none.
 fn snapshot(robots: &[(&str, Option<&str>)]) -> Snapshot {
     let numbered = robots.iter().zip(1..);
     let rows = numbered.map(|((name, by), epoch)| (robot(name), owned(*by, epoch)));
@@ -76,7 +76,7 @@ fn snapshot(robots: &[(&str, Option<&str>)]) -> Snapshot {
     }
 }
 
-/// The place of the instance `name` in a cluster whose rows say this.
+/// Membership of the instance `name` in a cluster with these rows.
 fn membership(name: &str, snapshot: &Snapshot) -> Membership {
     let membership = Membership::of(instance(name));
     let cluster = membership.cluster().unwrap();
@@ -96,7 +96,7 @@ fn membership(name: &str, snapshot: &Snapshot) -> Membership {
 }
 
 impl Bench {
-    /// The same service as an instance of a cluster, which reaches instance b at an address.
+    /// Turns the service into an instance of a cluster, which reaches instance b at an address.
     fn instance(mut self, name: &str, snapshot: &Snapshot, b: Option<SocketAddr>) -> Self {
         let urls = b.map(|b| (instance("b"), format!("http://{b}").parse().unwrap()));
         let peers = PeersSetup {
@@ -116,7 +116,7 @@ impl Bench {
         self.setup.membership.cluster().unwrap()
     }
 
-    /// Serves it on loopback, where another instance on loopback is believed.
+    /// Serves it on loopback, where it trusts another instance on loopback.
     async fn served(&mut self) -> SocketAddr {
         let addresses = std::collections::BTreeSet::from(["127.0.0.1".parse().unwrap()]);
         let addresses = InstanceAddresses::watched(watch::channel(addresses).1);
@@ -138,7 +138,7 @@ impl Bench {
     }
 }
 
-/// Instance b with the robot, served, and instance a that knows where it is.
+/// Benches of instance b with the robot, served, and of instance a, which knows its address.
 async fn two(robots: &[(&str, Option<&str>)]) -> (Bench, Bench) {
     let names: Vec<&str> = robots.iter().map(|(name, _)| *name).collect();
     let rows = snapshot(robots);
@@ -252,6 +252,15 @@ async fn readiness_is_that_of_the_instance() {
     let rows = snapshot(&[]);
     let mut bench = bench(&[]).await.instance("a", &rows, None);
     assert_eq!(bench.get("/readyz").await.status, 200);
+    // A cut between routers makes no instance unready, and is said.
+    let mut cut = rows.clone();
+    let hearing = &mut cut.members[0].hearing;
+    hearing.unheard_instances.insert(instance("b"));
+    bench.cluster().read(Arc::new(cut));
+    let answer = bench.get("/readyz").await;
+    assert_eq!(answer.status, 200);
+    let detail = &answer.json()["cluster"]["detail"];
+    assert_eq!(detail, "not heard over Zenoh: b");
     let told = async |bench: &Bench, rows: &Snapshot| {
         bench.cluster().read(Arc::new(rows.clone()));
         let answer = bench.get("/readyz").await;

@@ -1,4 +1,4 @@
-//! The OpenAPI document: complete, and true of every answer that the tests see.
+//! OpenAPI document: complete, and consistent with every answer in the tests.
 
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
@@ -23,7 +23,7 @@ fn operations() -> Vec<(&'static str, &'static str, &'static Value)> {
         .collect()
 }
 
-/// What a `$ref` stands for, or the value itself.
+/// Target of a `$ref`, or the value itself.
 fn resolved(value: &'static Value) -> &'static Value {
     match value["$ref"].as_str() {
         None => value,
@@ -31,8 +31,8 @@ fn resolved(value: &'static Value) -> &'static Value {
     }
 }
 
-/// Checks that the document describes an answer: its status and media type. Pages and answers of
-/// other methods are no operations.
+/// Checks that the document describes an answer: its status and media type. Pages, and answers to
+/// other methods, are not operations.
 pub(super) fn assert_described(method: &str, uri: &str, answer: &Answer) {
     let path = uri.split('?').next().unwrap();
     let fits = |template: &str| {

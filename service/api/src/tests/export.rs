@@ -1,11 +1,11 @@
-//! Files and long lists, which are written while they are read.
+//! Files and long lists, which are sent while they are read.
 
 use fleetcal_contract::AppendAudit;
 use fleetcal_domain::limits;
 
 use super::*;
 
-/// More rows than are read at once, twice.
+/// Number of rows, of which several reads fetch one part each.
 const ROWS: u32 = 700;
 
 async fn audited() -> Bench {
@@ -14,7 +14,7 @@ async fn audited() -> Bench {
     bench
 }
 
-/// Lines of an answer that are there before the rest is asked for.
+/// Number of an answer's lines that arrive before the rest is read.
 async fn first_lines(bench: &Bench, uri: &str) -> usize {
     let mut body = bench.begin(uri, &[]).await;
     let first = body.next().await.unwrap().unwrap();

@@ -1,4 +1,4 @@
-//! `/metrics`, read strictly.
+//! Strict reading of `/metrics`.
 
 #![expect(clippy::float_cmp, reason = "what is counted is a whole number")]
 
@@ -19,7 +19,7 @@ impl Bench {
     }
 }
 
-/// The sum of a family's samples with these labels.
+/// Sum of a family's samples with these labels.
 fn sum(family: &Family, labels: &[(&str, &str)]) -> f64 {
     let is_of = |sample: &&Sample| {
         let mut labels = labels.iter();

@@ -1,10 +1,10 @@
-//! A strict reader of the `OpenMetrics` text format: what a lenient one passes over is refused.
+//! Strict reader of the `OpenMetrics` text format: it refuses text that a lenient one accepts.
 
 #![expect(clippy::float_cmp, reason = "what is counted is a whole number")]
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// One line with a value.
+/// Line with a value.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Sample {
     pub(super) name: String,
@@ -23,7 +23,7 @@ pub(super) struct Family {
 /// Reads a whole text.
 ///
 /// # Errors
-/// What is wrong with it, with the line.
+/// The problem of the text, with its line.
 pub(super) fn parse(text: &str) -> Result<BTreeMap<String, Family>, String> {
     let body = text
         .strip_suffix("# EOF\n")
@@ -78,7 +78,7 @@ pub(super) fn parse(text: &str) -> Result<BTreeMap<String, Family>, String> {
     Ok(families)
 }
 
-/// Whether a sample is of a family of this name and type.
+/// True if a sample belongs to a family of this name and type.
 fn belongs(sample: &Sample, family: &str, kind: &str) -> bool {
     let Some(suffix) = sample.name.strip_prefix(family) else {
         return false;
@@ -127,7 +127,7 @@ fn check_name(name: &str) -> Result<(), String> {
     }
 }
 
-/// The labels behind `{`, and what follows `}`.
+/// Labels after `{`, and the text after `}`.
 fn labels(mut rest: &str) -> Result<(BTreeMap<String, String>, &str), String> {
     let mut labels = BTreeMap::new();
     loop {
@@ -157,7 +157,7 @@ fn labels(mut rest: &str) -> Result<(BTreeMap<String, String>, &str), String> {
     }
 }
 
-/// No series twice, counters that are counts, and whole histograms.
+/// Checks that no series is repeated, that counters are counts, and that histograms are complete.
 fn check(name: &str, family: &Family) -> Result<(), String> {
     if family.kind.is_empty() {
         return Err(format!("{name} has no type"));

@@ -1,4 +1,4 @@
-//! Every route as a client sees it.
+//! Every route from a client's side.
 
 mod access;
 mod alerts;
@@ -53,10 +53,10 @@ use tower::ServiceExt;
 
 use super::{AccessSetup, ApiSetup, BuildInfo, Connections, router};
 
-/// 2026-01-01T00:00:00Z.
+/// Time 2026-01-01T00:00:00Z.
 const NOW_NS: i64 = 1_767_225_600_000_000_000;
 
-/// A service without its Zenoh link. Requests without a credential of their own are sent with the
+/// Service without its Zenoh link. Requests without a credential of their own are sent with the
 /// token of an administrator named "tester".
 struct Bench {
     setup: ApiSetup,
@@ -72,7 +72,7 @@ struct Bench {
     _database: TestDatabase,
 }
 
-/// What a client was answered.
+/// Answer to a client.
 struct Answer {
     status: StatusCode,
     headers: HeaderMap,
@@ -87,12 +87,12 @@ fn robot(name: &str) -> RobotId {
     RobotId::parse(name).unwrap()
 }
 
-/// A service that knows these robots.
+/// Bench with these robots.
 async fn bench(robots: &[&str]) -> Bench {
     bench_of(robots, BTreeMap::new()).await
 }
 
-/// A service that was started again; it heard these robots before.
+/// Bench of a restarted service that received these robots before.
 async fn bench_after_restart(robots: &[&str]) -> Bench {
     let at = WallTime(NOW_NS - 60 * 1_000_000_000);
     let heard = robots.iter().map(|name| (robot(name), at));
@@ -169,7 +169,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
     }
 }
 
-/// Those who look for what is wrong and tell it.
+/// Evaluator of alerts and dispatcher of their messages.
 async fn watchers(
     store: &Store,
     fleet: &FleetHandle,
@@ -193,12 +193,12 @@ async fn watchers(
     (evaluator.await.unwrap(), dispatcher)
 }
 
-/// A role; of a robot, that of robot `a`.
+/// Grant of a role; for the role of a robot, that of robot `a`.
 fn grant(role: Role) -> Grant {
     Grant::of_token(role, (role == Role::Robot).then(|| robot("a"))).unwrap()
 }
 
-/// Makes a token as the command line does.
+/// Creates a token as the command line does.
 async fn token(store: &Store, name: &str, grant: Grant, expires_ns: Option<WallTime>) -> String {
     let mut random = [0; 32];
     random[..name.len()].copy_from_slice(name.as_bytes());
@@ -246,7 +246,7 @@ impl Bench {
         answer
     }
 
-    /// A request as [`Bench`] says; an empty `authorization` sends none.
+    /// Makes a request as [`Bench`] describes; an empty `authorization` sends none.
     fn request(
         &self,
         method: &str,
@@ -270,7 +270,7 @@ impl Bench {
         request.body(body.into()).unwrap()
     }
 
-    /// The first bytes of an answer that has no end.
+    /// Begins to read an answer that has no end.
     async fn begin(&self, uri: &str, headers: &[(&str, &str)]) -> axum::body::BodyDataStream {
         let request = self.request("GET", uri, headers, "");
         let response = self.routes.clone().oneshot(request).await.unwrap();
@@ -290,7 +290,7 @@ impl Answer {
             .map_or("", |value| value.to_str().unwrap())
     }
 
-    /// Status and, of a problem, what it says; checks that it is a whole problem document.
+    /// Status, and the text of a problem; checks that it is a complete problem document.
     fn told(&self) -> String {
         let status = self.status.as_u16();
         if status < 400 {
@@ -317,7 +317,7 @@ impl Answer {
     }
 }
 
-/// The next event of a stream: its name and data.
+/// Next event of a stream: its name and data.
 async fn next_event(stream: &mut axum::body::BodyDataStream) -> (String, String) {
     let bytes = stream.next().await.unwrap().unwrap();
     let text = String::from_utf8(bytes.to_vec()).unwrap();

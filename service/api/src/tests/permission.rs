@@ -1,5 +1,5 @@
-//! Every route of the description with every kind of credential. What comes later is tested as
-//! soon as it is described.
+//! Every route of the description with every kind of credential. A new route is tested as soon as
+//! it is described.
 
 use std::collections::BTreeSet;
 
@@ -51,7 +51,7 @@ fn nothing_of_the_fleet_is_read_or_changed_by_nobody() {
     }
 }
 
-/// A way to call, and the role it should count as.
+/// Attempt to call a route, and the role that it should have.
 struct Attempt {
     name: String,
     headers: Vec<(&'static str, String)>,
@@ -68,7 +68,8 @@ impl Attempt {
     }
 }
 
-/// No credential, garbage, ended ones, and one of each role, by token and by session.
+/// Attempts without a credential, with garbage, with ended ones, and with one of each role, by
+/// token and by session.
 async fn attempts(bench: &Bench) -> Vec<Attempt> {
     let garbage = |name: &str, header: &'static str, value: &str| Attempt {
         name: name.to_owned(),

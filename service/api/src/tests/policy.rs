@@ -1,4 +1,4 @@
-//! The tolerances: read by everybody, set by administrators.
+//! Tolerances: read by everybody, set by administrators.
 
 use insta::assert_snapshot;
 use serde_json::json;

@@ -1,4 +1,4 @@
-//! A recording of a robot as it drives.
+//! Live recording of a robot.
 
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ fn drive(stamp_s: i64) -> Vec<u8> {
     message.to_string().into_bytes()
 }
 
-/// Waits for something, but not for ever.
+/// Waits for an event, with a timeout.
 async fn in_time<T>(what: &str, happening: impl Future<Output = T>) -> T {
     let happened = tokio::time::timeout(Duration::from_secs(30), happening).await;
     happened.unwrap_or_else(|_| panic!("{what}: not within 30 s"))

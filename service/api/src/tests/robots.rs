@@ -1,4 +1,4 @@
-//! `/robots` and what is below it.
+//! Routes of `/robots` and below.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use super::*;
 
 const CONFIG: &str = r#"{"model": "tricycle", "wheelbase_m": 1.55, "wheel_odometry": "raw"}"#;
 
-/// An estimate of second `second` after [`NOW_NS`].
+/// Estimate of second `second` after [`NOW_NS`].
 fn estimate(name: &str, second: i64, offset_rad: f64) -> EstimateDocument {
     let parameter = |value: f64, unit: &str, status: &str| json!({"value": value, "sigma": 0.001, "unit": unit, "status": status, "needs": null});
     serde_json::from_value(json!({
@@ -113,7 +113,8 @@ async fn a_robot_that_has_sent_something_is_told_what_to_drive_next() {
     assert_snapshot!(told("?floor=3").await, @"400 query_refused [floor]: the query: unknown field `floor`, expected `length_m` or `width_m`");
 }
 
-/// A pose of the LiDAR and a drive sample, `step` steps of 20 ms after the beginning, on a straight way.
+/// Sends a pose of the LiDAR and a drive sample, `step` steps of 20 ms after the begin, on a
+/// straight path.
 fn straight_on(bench: &Bench, step: u32) {
     let stamp = json!({"sec": 1_760_000_000 + step / 50, "nanosec": step % 50 * 20_000_000});
     let header = json!({"stamp": stamp, "frame_id": "odom"});
@@ -474,8 +475,8 @@ async fn a_note_is_kept_once_and_listed() {
     assert_eq!(row["after"]["kind"], "reassembled");
 }
 
-/// What is answered with 201 the estimator takes, whatever else it has to do; what finds no room is refused
-/// before it is stored.
+/// Invariant: the estimator receives each note that is answered with 201, whatever else it has to
+/// do; a note without room is refused before it is stored.
 #[tokio::test]
 async fn every_note_is_taken_or_refused() {
     let bench = bench(&["a"]).await;

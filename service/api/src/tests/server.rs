@@ -1,4 +1,4 @@
-//! The accept loop on a real socket.
+//! Accept loop on a real socket.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! Health, metrics, the description, the pages, and what holds for every route.
+//! Health, metrics, the description, the pages, and properties of every route.
 
 use insta::assert_snapshot;
 
@@ -87,7 +87,7 @@ async fn the_description_can_be_read_in_a_browser() {
     assert_snapshot!(bench.get("/docs/none.js").await.told(), @"404 not_found: nothing is at /docs/none.js");
 }
 
-/// Every operation of the description, with its path made real.
+/// Every operation of the description, with a real path.
 pub(super) fn operations() -> Vec<(String, String)> {
     let document = serde_json::to_value(openapi()).unwrap();
     let paths = document["paths"].as_object().unwrap();

@@ -1,5 +1,5 @@
 //! Standing of a robot: the same in the list, on its page, on the event stream and in webhooks, and
-//! told whatever changes it.
+//! published whatever changes it.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use super::*;
 const PATIENCE: Duration = Duration::from_secs(30);
 const FLEET: &str = "/api/v1/stream?topics=fleet";
 
-/// Waits until the stream has told that a robot stands like this; gives what it told.
+/// Waits until the stream has published this standing of a robot; returns the event's content.
 async fn told(stream: &mut axum::body::BodyDataStream, name: &str, standing: &str) -> Value {
     let wait = async {
         loop {
@@ -33,7 +33,7 @@ async fn told(stream: &mut axum::body::BodyDataStream, name: &str, standing: &st
 }
 
 impl Bench {
-    /// How a robot stands, by its page and by the list.
+    /// Standing of a robot, by its page and by the list.
     async fn stands(&self, name: &str) -> String {
         let page = self.get(&format!("/api/v1/robots/{name}")).await.json();
         let list = self.get("/api/v1/robots").await.json();

@@ -1,4 +1,4 @@
-//! The event stream.
+//! Event stream: its updates, topics and limits.
 
 use std::net::IpAddr;
 
@@ -150,7 +150,7 @@ impl Drivers {
     }
 }
 
-/// An estimate with all that a real one has, every value a little off the last.
+/// Estimate with all the parts of a real one, every value a little off the last.
 fn estimate(
     robot: &RobotId,
     second: i64,

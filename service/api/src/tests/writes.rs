@@ -1,10 +1,10 @@
-//! Limits of how often one user or token changes something.
+//! Limits of the changes by one user or token per time.
 
 use fleetcal_domain::limits;
 
 use super::*;
 
-/// Asks for a change that is refused before anything is written.
+/// Requests a change that is refused before anything is written.
 async fn change(bench: &Bench, token: &str) -> Answer {
     let authorization = format!("Bearer {token}");
     let headers = [("authorization", authorization.as_str())];

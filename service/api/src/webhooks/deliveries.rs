@@ -1,4 +1,4 @@
-//! `GET /webhooks/{id}/deliveries`: what became of what was told.
+//! Route `GET /webhooks/{id}/deliveries`: the deliveries of a webhook.
 
 use axum::extract::{Path, State};
 use axum::response::Response;
@@ -23,50 +23,50 @@ pub(super) struct DeliveryParameters {
     /// Deliveries of a page, 1 to 1000.
     #[param(value_type = Option<u32>)]
     limit: Option<String>,
-    /// `next` of the page before.
+    /// Value of `next` of the previous page.
     cursor: Option<String>,
 }
 
-/// One message on its way to one receiver.
+/// Delivery of one message to one receiver.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = WebhookDelivery)]
 struct DeliveryDocument {
-    /// Its number.
+    /// Number of the delivery.
     id: DeliveryId,
-    /// The message's `webhook-id`.
+    /// Value of the message's `webhook-id`.
     message: String,
-    /// What it tells.
+    /// Event that the message reports.
     event: WebhookEvent,
     state: DeliveryState,
-    /// When it happened.
+    /// Time of the event.
     #[schema(value_type = String, format = DateTime)]
     created: Timestamp,
-    /// When it is tried next; `null` once it is finished.
+    /// Time of the next attempt; `null` once it is finished.
     #[schema(value_type = Option<String>, format = DateTime)]
     due: Option<Timestamp>,
-    /// When it was taken or given up.
+    /// Time at which it was delivered or given up.
     #[schema(value_type = Option<String>, format = DateTime)]
     finished: Option<Timestamp>,
-    /// How many attempts there were.
+    /// Number of attempts made.
     attempts_made: u32,
-    /// The latest 20 of them, the oldest first.
+    /// Latest 20 attempts, the oldest first.
     attempts: Vec<AttemptDocument>,
-    /// What is told.
+    /// Body of the message.
     #[schema(value_type = Object)]
     body: serde_json::Value,
 }
 
-/// One attempt at a delivery.
+/// Attempt at a delivery.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = WebhookAttempt)]
 struct AttemptDocument {
     #[schema(value_type = String, format = DateTime)]
     time: Timestamp,
-    /// How long it took, ms.
+    /// Duration of the attempt, ms.
     took_ms: u64,
-    /// The HTTP status of the answer; `null` when there was none.
+    /// HTTP status of the answer; `null` without an answer.
     status: Option<u16>,
-    /// Why there was none.
+    /// Reason for which there was no answer.
     error: Option<String>,
 }
 
@@ -98,13 +98,13 @@ impl DeliveryDocument {
 #[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct DeliveryPage {
     items: Vec<DeliveryDocument>,
-    /// `cursor` of the next page; absent on the last one.
+    /// Value of `cursor` for the next page; absent on the last one.
     #[serde(skip_serializing_if = "Option::is_none")]
     next: Option<String>,
 }
 
-/// Lists a webhook's messages, newest first, with what became of each: those that wait, and the
-/// latest 1000 that were taken or given up.
+/// Lists a webhook's messages with the state of each, newest first: those that wait, and the latest
+/// 1000 that were delivered or given up.
 #[utoipa::path(
     get,
     path = "/webhooks/{id}/deliveries",

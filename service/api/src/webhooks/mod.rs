@@ -1,4 +1,4 @@
-//! Programs that are told of alerts and of proposals that wait.
+//! Webhooks: programs that receive alerts and open proposals.
 
 mod deliveries;
 mod one;
@@ -8,7 +8,7 @@ use utoipa_axum::routes;
 
 use super::ApiState;
 
-/// The routes of webhooks.
+/// Routes of webhooks.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(one::list_webhooks, one::post_webhook))

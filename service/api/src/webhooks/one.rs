@@ -1,4 +1,4 @@
-//! `/webhooks`: who is told.
+//! Routes of `/webhooks`: the receivers of messages.
 
 use axum::Json;
 use axum::extract::{Path, State};
@@ -17,17 +17,17 @@ use crate::extract::{Body, NoParameters, Parameters};
 use crate::problem::Problem;
 use crate::time;
 
-/// Somebody who is told.
+/// Receiver of messages.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Webhook)]
 pub(super) struct WebhookDocument {
-    /// Its number.
+    /// Number of the webhook.
     id: WebhookId,
-    /// Where messages go.
+    /// Address of the receiver.
     url: String,
-    /// What it is told of.
+    /// Events that it receives.
     events: Vec<WebhookEvent>,
-    /// Who made it.
+    /// Person or tool that created it.
     created_by: String,
     #[schema(value_type = String, format = DateTime)]
     created: Timestamp,
@@ -45,13 +45,15 @@ impl WebhookDocument {
     }
 }
 
-/// Every webhook.
+/// List of every webhook.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct WebhookList {
     items: Vec<WebhookDocument>,
 }
 
-/// Lists the webhooks, the oldest first. Their secrets are not shown again.
+/// Lists the webhooks, the oldest first.
+///
+/// Their secrets are not shown again.
 #[utoipa::path(
     get,
     path = "/webhooks",
@@ -69,36 +71,38 @@ pub(super) async fn list_webhooks(
     Ok(Json(WebhookList { items }))
 }
 
-/// A new webhook.
+/// Webhook to be created.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = NewWebhook)]
 #[serde(deny_unknown_fields)]
 pub(super) struct NewWebhookBody {
-    /// Where messages go: `http` or `https`, at most 2000 bytes, without user and password. The
-    /// service sends from its own network, so a person who may make webhooks can have it send requests
-    /// to addresses that only it can reach; of the answer it reads the status alone.
+    /// Address of the receiver: `http` or `https`, at most 2000 bytes, without user and password.
+    /// The service sends from its own network, so a person who may create webhooks can make it send
+    /// requests to addresses that only it can reach; it reads the answer's status alone.
     #[schema(max_length = 2000)]
     url: String,
-    /// What it is told of; everything unless given.
+    /// Events that it receives; all unless given.
     #[serde(default)]
     events: Option<Vec<WebhookEvent>>,
 }
 
-/// A webhook with its secret, which is shown this once.
+/// Webhook with its secret, which is shown this once.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = WebhookWithSecret)]
 pub(super) struct SecretDocument {
-    /// The webhook.
+    /// Created webhook.
     webhook: WebhookDocument,
-    /// What its messages are signed with: `whsec_` and base64. The service keeps it as it is,
+    /// Secret that signs its messages: `whsec_` and base64. The service stores it in plain form,
     /// because it signs with it; it is in the database and in every backup of it.
     secret: String,
 }
 
-/// Makes a webhook. Messages follow the Standard Webhooks scheme: headers `webhook-id`,
-/// `webhook-timestamp` and `webhook-signature` (HMAC-SHA256), a JSON body with `type`, `timestamp`
-/// and `data`. One that is not answered with 2xx within 10 s is sent again, with longer and longer
-/// waits, for a day; the same `webhook-id` may come twice. Redirections are not followed.
+/// Creates a webhook.
+///
+/// Messages follow the Standard Webhooks scheme: headers `webhook-id`, `webhook-timestamp` and
+/// `webhook-signature` (HMAC-SHA256), a JSON body with `type`, `timestamp` and `data`. A message
+/// that is not answered with 2xx within 10 s is sent again, at increasing intervals, for a day; the
+/// same `webhook-id` can arrive twice. Redirections are not followed.
 #[utoipa::path(
     post,
     path = "/webhooks",
@@ -153,7 +157,7 @@ fn new_secret() -> Result<Secret, Problem> {
     Ok(Secret::from_bytes(bytes.to_vec()))
 }
 
-/// Takes a webhook away, with what was to be told to it.
+/// Deletes a webhook, with its waiting messages.
 #[utoipa::path(
     delete,
     path = "/webhooks/{id}",

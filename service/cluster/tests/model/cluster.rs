@@ -1,4 +1,4 @@
-//! Steps of the model, and the properties that hold whatever happens.
+//! Steps of the model, and the properties that always hold.
 
 use stateright::{Model, Property};
 
@@ -16,17 +16,17 @@ pub enum Action {
     Claim(usize),
     /// Brings an own robot's epoch to the database's timeline.
     Restamp(usize),
-    /// Says who is to have an own robot next.
+    /// Names the next owner of an own robot.
     NameHeir {
         by: usize,
         whom: usize,
     },
-    /// Says that it hears the robot that it is to have next.
+    /// Confirms that it receives the robot whose heir it is.
     NoteReady(usize),
-    /// Ends its tenure because the heir hears the robot.
+    /// Ends its tenure because the heir receives the robot.
     EndTenure(usize),
     HandOver(usize),
-    /// Takes on a robot that is its own by the rows, and drops one that is not.
+    /// Starts to estimate a robot that is its own by the rows, and drops one that is not.
     Follow(usize),
     BeginWrite(usize),
     EndWrite(usize),
@@ -42,19 +42,21 @@ pub enum Action {
     FailOver,
 }
 
-/// What is explored: so many instances of which one has the robot, and so many hand-overs at most.
+/// Model to explore: a number of instances of which one has the robot, and the largest number of
+/// hand-overs.
 #[derive(Debug, Clone, Copy)]
 pub struct Cluster {
     pub planted: Planted,
     pub instances: usize,
     pub moves: u8,
-    /// How many processes may be killed.
+    /// Largest number of processes that are killed.
     pub kills: u8,
     pub seconds_max: u64,
 }
 
 impl Cluster {
-    /// What an instance that reaches the database can do to hand the robot over, or to take it on.
+    /// Adds the actions by which an instance that reaches the database can hand the robot over, or
+    /// start to estimate it.
     fn moves_of(&self, world: &World, i: usize, actions: &mut Vec<Action>) {
         if self.moves == 0 {
             return;

@@ -1,9 +1,10 @@
-//! A model of lease, epoch and fence, explored state by state: instances are frozen, cut off from
-//! the database and killed at any step, a robot is handed over meanwhile, and the database forgets its latest
-//! commits in a failover.
+//! Model of lease, epoch and fence, explored state by state: instances are frozen, disconnected
+//! from the database and killed at any step, a robot is handed over meanwhile, and the database
+//! loses its latest commits in a failover.
 //!
-//! One step of time is two seconds. What the database does in one transaction is one action here, as
-//! `service/postgres` has it; what an instance does in two is two, so that it can be frozen between.
+//! One step of time is two seconds. One transaction of the database is one action here, as in
+//! `service/postgres`; two transactions of an instance are two, so that it can be frozen between
+//! them.
 #![expect(
     clippy::unwrap_used,
     clippy::print_stdout,
@@ -18,8 +19,8 @@ use stateright::{Checker as _, HasDiscoveries, Model as _};
 use crate::cluster::Cluster;
 use crate::world::Planted;
 
-/// Explores all that so many steps lead to, until something is wrong; gives the names of what was found, with the
-/// number of states.
+/// Explores all states within this many steps, until a property fails; returns the names of the
+/// failed ones, with the number of states.
 fn explore(model: Cluster, steps: usize) -> (Vec<&'static str>, usize) {
     // The initial state is at depth 1, and states at the largest depth are not looked at.
     let checker = model.checker().threads(2).target_max_depth(steps + 2);
@@ -30,13 +31,13 @@ fn explore(model: Cluster, steps: usize) -> (Vec<&'static str>, usize) {
     (found, checked.unique_state_count())
 }
 
-/// Steps to which everything is explored, unless the variable says otherwise.
+/// Number of steps of the exploration, unless the variable sets another one.
 fn steps(or: usize) -> usize {
     let steps = std::env::var("CLUSTER_MODEL_STEPS");
     steps.map_or(or, |steps| steps.parse().unwrap())
 }
 
-/// Two instances, without hand-overs.
+/// Model of two instances, without hand-overs.
 fn pair(planted: Planted) -> Cluster {
     Cluster {
         planted,
@@ -47,7 +48,7 @@ fn pair(planted: Planted) -> Cluster {
     }
 }
 
-/// So many instances, where the robot may be handed over once.
+/// Model of this many instances, in which the robot may be handed over once.
 fn with_a_move(instances: usize, planted: Planted) -> Cluster {
     Cluster {
         instances,
@@ -56,7 +57,7 @@ fn with_a_move(instances: usize, planted: Planted) -> Cluster {
     }
 }
 
-/// Two instances, one of which may be killed once, and is replaced before its lease ends.
+/// Model of two instances, one of which may be killed once, and is replaced before its lease ends.
 fn with_a_kill(planted: Planted) -> Cluster {
     Cluster {
         kills: 1,
@@ -75,7 +76,7 @@ fn assert_nothing_goes_wrong(model: Cluster, steps: usize) {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
-/// A second late put, which the gate prevents, takes 11 steps.
+/// Property of the unplanted model. A second late put, which the gate prevents, takes 11 steps.
 #[test]
 fn there_are_never_two_accepted_writers_and_always_an_owner_in_the_end() {
     assert_nothing_goes_wrong(pair(Planted::Nothing), steps(12));

@@ -11,54 +11,54 @@ pub const EPOCHS: u64 = 16;
 
 pub type Incarnation = u8;
 
-/// A life of an instance.
+/// Life of an instance.
 pub type Seat = (usize, Incarnation);
 
-/// A robot's row.
+/// Row of a robot.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
 pub struct Row {
     pub owner: Option<Seat>,
     pub epoch: u64,
-    /// Who is to have the robot next, by the owner's word, and whether it hears the robot.
+    /// Next owner of the robot, named by the present one, and true if it receives the robot.
     pub heir: Option<(Seat, bool)>,
 }
 
-/// What the database holds.
+/// Contents of the database.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
 pub struct Database {
     pub incarnations: Vec<Incarnation>,
     pub expires_at_s: Vec<u64>,
     pub row: Row,
-    /// The epoch of the latest accepted write.
+    /// Epoch of the latest accepted write.
     pub written: u64,
-    /// Who was accepted in which epoch.
+    /// Epoch and instance of each accepted writer.
     pub writers: Vec<(u64, usize)>,
 }
 
-/// An instance's memory.
+/// Memory of an instance.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
 pub struct Instance {
     pub incarnation: Option<Incarnation>,
     pub trusted_until_s: u64,
-    /// The epoch in which it has the robot.
+    /// Epoch in which it has the robot.
     pub tenure: Option<u64>,
-    /// A write on its way to the database, by its tenure.
+    /// Write under way to the database, by its tenure.
     pub writing: Option<(Incarnation, u64)>,
-    /// A put that has passed the gate and is not made yet, by its tenure.
+    /// Put that has passed the gate and is not made yet, by its tenure.
     pub putting: Option<u64>,
-    /// Whether it has ended its tenure in order to hand the robot over.
+    /// True if it has ended its tenure in order to hand the robot over.
     pub handing_over: bool,
     pub process: Process,
     pub cut_off: bool,
 }
 
-/// How an instance's process is.
+/// State of an instance's process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Process {
     #[default]
     Running,
     Frozen,
-    /// Gone, and not there again yet.
+    /// Killed, and not restarted yet.
     Killed,
 }
 
@@ -67,36 +67,36 @@ pub struct World {
     pub now_s: u64,
     pub timeline: u64,
     pub database: Database,
-    /// What a standby has, and how many failovers may still come.
+    /// Contents of the standby.
     pub standby: Database,
     pub failovers_left: u8,
     pub freezes_left: u8,
     pub cuts_left: u8,
     pub kills_left: u8,
-    /// How many heirs may still be named.
+    /// Number of heirs that may still be named.
     pub moves_left: u8,
     pub instances: Vec<Instance>,
-    /// The epoch of the latest put.
+    /// Epoch of the latest put.
     pub put: u64,
     /// Writes that were accepted after one of a later tenure.
     pub late_writes: u8,
     /// Puts after one of a later tenure by an instance that does not have the robot any more.
     pub late_puts: u8,
-    /// Who has put in which epoch.
+    /// Epoch and instance of each put.
     pub putters: Vec<(u64, usize)>,
 }
 
-/// What is left out of the mechanism, to see that it is needed.
+/// Part that is removed from the mechanism, to show that it is needed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Planted {
     Nothing,
-    /// A write is accepted whatever its tenure.
+    /// Writes are accepted whatever their tenure.
     NoFence,
-    /// A put asks nobody.
+    /// Puts skip the gate.
     NoGate,
-    /// An epoch is the last one and one more, whatever a failover forgot.
+    /// Epochs are incremented from the last one, even if a failover lost some.
     EpochWithoutTimeline,
-    /// Who hands a robot over goes on with it, and leaves its epoch to the heir.
+    /// Owners that hand a robot over continue to estimate it, and leave their epoch to the heir.
     HandedOverWithItsEpoch,
 }
 
@@ -105,7 +105,7 @@ impl World {
         CLUSTER_LEASE.as_secs()
     }
 
-    /// Whether an instance gets an answer of the database.
+    /// True if an instance gets an answer of the database.
     pub fn reaches(&self, i: usize) -> bool {
         let instance = &self.instances[i];
         instance.process == Process::Running && !instance.cut_off
@@ -131,7 +131,7 @@ impl World {
         instance.trusted_until_s = trusted.as_secs();
     }
 
-    /// Whatever an instance had is nobody's.
+    /// Frees the robot of an instance.
     pub fn free(&mut self, i: usize) {
         let row = &mut self.database.row;
         if row.owner.is_some_and(|(owner, _)| owner == i) {
@@ -152,8 +152,8 @@ impl World {
         }
     }
 
-    /// Its memory is gone. What the database has received of it is not: the connection that writes and
-    /// the one whose end the others see are two.
+    /// Clears an instance's memory. Its requests that the database has received remain: the
+    /// connection that writes and the one whose end the others observe are two.
     pub fn kill(&mut self, i: usize) {
         self.kills_left -= 1;
         self.instances[i] = Instance {
@@ -163,7 +163,8 @@ impl World {
         };
     }
 
-    /// With `fast_takeover` a killed instance is taken for dead before its lease ends.
+    /// True if an instance may be declared dead: with `fast_takeover` a killed one before its lease
+    /// ends.
     pub fn may_take_for_dead(&self, by: usize, whom: usize) -> bool {
         by != whom
             && self.reaches(by)
@@ -194,25 +195,26 @@ impl World {
         row.epoch = (row.epoch + 1).max(least);
     }
 
-    /// The life of an instance that others may hand a robot to.
+    /// Life of an instance that others may hand a robot to.
     pub fn live(&self, i: usize) -> Option<Seat> {
         let lives = self.database.incarnations[i] > 0 && self.database.expires_at_s[i] > self.now_s;
         lives.then_some((i, self.database.incarnations[i]))
     }
 
-    /// Whether the rows name it as the heir of the robot, and it has said that it hears it.
+    /// State of an heir: true once it has confirmed that it receives the robot; `None` if the rows
+    /// do not name it as the heir.
     pub fn is_heir(&self, i: usize) -> Option<bool> {
         let own = self.instances[i].incarnation?;
         let (heir, ready) = self.database.row.heir?;
         (heir == (i, own) && self.has_seat(i)).then_some(ready)
     }
 
-    /// Whether it can hand its robot over to an heir that hears it.
+    /// True if it can hand its robot over to an heir that receives it.
     pub fn has_ready_heir(&self, i: usize) -> bool {
         self.owns(i) && matches!(self.database.row.heir, Some((_, true)))
     }
 
-    /// Passes the robot on to its heir, if that one is alive.
+    /// Passes the robot on to its heir, if the heir is alive.
     pub fn hand_over(&mut self, i: usize, planted: Planted) {
         self.instances[i].handing_over = false;
         let Some((heir, _)) = self.database.row.heir.filter(|_| self.owns(i)) else {
@@ -226,7 +228,8 @@ impl World {
         }
     }
 
-    /// Takes on the robot if it is its own by the rows, in the epoch that they say, and drops it if not.
+    /// Starts to estimate the robot in the epoch of the rows if it is its own by them, and drops it
+    /// if not.
     pub fn follow(&mut self, i: usize) {
         let tenure = self.owns(i).then_some(self.database.row.epoch);
         let instance = &mut self.instances[i];
@@ -238,8 +241,8 @@ impl World {
         own.is_some_and(|own| self.database.row.owner == Some((i, own))) && self.has_seat(i)
     }
 
-    /// Whether the database takes a write of this tenure: the seat is its instance's, and the robot
-    /// that seat's, in this epoch.
+    /// True if the database accepts a write of this tenure: the seat is its instance's, and the
+    /// robot that seat's, in this epoch.
     pub fn accepts(&self, i: usize, (incarnation, epoch): (Incarnation, u64)) -> bool {
         self.database.incarnations[i] == incarnation
             && self.database.row.owner == Some((i, incarnation))
@@ -255,15 +258,15 @@ impl World {
         }
     }
 
-    /// A standby takes the primary's place. What it does not have is forgotten.
+    /// Replaces the primary by the standby, and loses the commits that it lacks.
     pub fn fail_over(&mut self) {
         self.failovers_left -= 1;
         self.timeline += 1;
         self.database = self.standby.clone();
     }
 
-    /// What comes of this world when nothing is hurt any more: whether the robot has an owner in
-    /// the end that knows it. What was killed does not come back.
+    /// True if this world recovers without further faults: in the end the robot has an owner that
+    /// has its tenure. Killed processes do not return.
     pub fn recovers(&self, planted: Planted) -> bool {
         let mut world = self.clone();
         for instance in &mut world.instances {

@@ -9,25 +9,26 @@ use serde_json::Value;
 
 use super::MapRefused;
 
-/// How the image's shades are read. All three tell occupied and free by the thresholds.
+/// Interpretation of the image's shades. All three distinguish occupied and free by the thresholds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Mode {
     /// Darkness is the probability that a cell is occupied.
     Trinary,
-    /// The same; shades in between are levels, which tell nothing for certain.
+    /// Darkness is the probability that a cell is occupied; shades in between are levels and leave
+    /// the cell unknown.
     Scale,
-    /// The shade itself is the occupancy in percent; above 100 it is unknown.
+    /// The shade itself is the occupancy in percent; above 100 the cell is unknown.
     Raw,
 }
 
-/// What the YAML file says.
+/// Content of the YAML file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Description {
     /// The image, beside the YAML file.
     pub image: PathBuf,
     /// Edge of a cell, m.
     pub resolution_m: f64,
-    /// The lower left corner of the image in the map.
+    /// Lower left corner of the image in the map.
     pub grid_in_map: Pose2,
     negate: bool,
     occupied_thresh: f64,
@@ -35,24 +36,24 @@ pub struct Description {
     mode: Mode,
 }
 
-/// Why a description was refused, before its file's name is put to it.
+/// Reason for refusing a description, without its file's name.
 #[derive(Debug)]
 pub enum DescriptionRefused {
-    /// It is no YAML mapping.
+    /// The text is not a YAML mapping.
     Yaml(String),
-    /// A field holds what cannot be.
+    /// A field holds an impossible value.
     Field {
         /// Name of the field.
         field: &'static str,
         /// Its value.
         value: String,
-        /// What would have been accepted.
+        /// Accepted values.
         accepted: &'static str,
     },
 }
 
 impl DescriptionRefused {
-    /// The refusal of the file `path`.
+    /// Makes the refusal of the file `path`.
     pub fn of(self, path: &Path) -> MapRefused {
         let path = path.to_owned();
         match self {
@@ -71,11 +72,11 @@ impl DescriptionRefused {
     }
 }
 
-/// The fields of a description, as they stand in the file.
+/// Fields of a description, as in the file.
 struct Fields(BTreeMap<String, Value>);
 
 impl Fields {
-    /// Takes a field by `read`, which gives `None` for what cannot be.
+    /// Reads a field by `read`, which returns `None` for an impossible value.
     fn take<T>(
         &self,
         field: &'static str,
@@ -95,10 +96,10 @@ impl Fields {
 }
 
 impl Description {
-    /// Reads the text of the file. Keys that are not the map's own are left to their owners.
+    /// Parses the text of the file. Keys of other programs are ignored.
     ///
     /// # Errors
-    /// Names the field that is missing or cannot be, its value and what is accepted.
+    /// Names the field that is missing or invalid, its value and the accepted values.
     pub fn parse(text: &str) -> Result<Self, DescriptionRefused> {
         let fields = serde_saphyr::from_str(text).map_err(|error| {
             let reason = error.to_string();
@@ -130,7 +131,7 @@ impl Description {
         })
     }
 
-    /// What a pixel of this shade, 0 black and 255 white, says of its cell.
+    /// Returns the occupancy of a cell by its pixel's shade, 0 black and 255 white.
     pub fn occupancy(&self, shade: u8) -> Occupancy {
         let shade_share = f64::from(shade) / 255.0;
         let occupied = match self.mode {

@@ -18,36 +18,36 @@ use pgm::{PGM_BYTES_MAX, Pgm, PgmRefused};
 /// Largest YAML file read, bytes.
 pub const YAML_BYTES_MAX: u64 = 64 << 10;
 
-/// Why a map could not be used.
+/// Reason for which a map could not be used.
 #[derive(Debug, Error)]
 pub enum MapRefused {
-    /// One of its files could not be read.
+    /// A file of the map could not be read.
     #[error("cannot read {path}: {source}", path = path.display())]
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// One of its files is longer than any map.
+    /// A file of the map is longer than any map.
     #[error("the map {path} is refused: it has {bytes} bytes, expected {bytes_max} at most", path = path.display())]
     TooLong {
         /// The file.
         path: PathBuf,
         /// Its length, bytes.
         bytes: u64,
-        /// What would have been accepted.
+        /// Largest accepted length, bytes.
         bytes_max: u64,
     },
-    /// The description is no YAML mapping.
+    /// The description is not a YAML mapping.
     #[error("the map {path} is refused: {reason}", path = path.display())]
     Yaml {
         /// The description.
         path: PathBuf,
-        /// Where it ends to be YAML.
+        /// Error of the YAML parser.
         reason: String,
     },
-    /// A field holds what cannot be.
+    /// A field holds an impossible value.
     #[error("the map {path} is refused: {field}: got {value}, expected {accepted}", path = path.display())]
     Field {
         /// The file that holds it.
@@ -56,7 +56,7 @@ pub enum MapRefused {
         field: &'static str,
         /// Its value.
         value: String,
-        /// What would have been accepted.
+        /// Accepted values.
         accepted: &'static str,
     },
 }
@@ -76,16 +76,16 @@ impl MapRefused {
         }
     }
 
-    /// Whether the system could not read a file, which says nothing about the map.
+    /// True if the system could not read a file, which is no fault of the map.
     pub fn is_io(&self) -> bool {
         matches!(self, Self::Read { .. })
     }
 }
 
-/// Reads a map from its description; the image is looked for beside it.
+/// Reads a map from its description; the image is expected beside it.
 ///
 /// # Errors
-/// Names the file, and where one cannot be the field, its value and what is accepted.
+/// Names the file and, for an invalid field, its name, value and accepted values.
 pub fn read(yaml: &Path) -> Result<OccupancyGrid, MapRefused> {
     let text = read_text(yaml)?;
     let description = Description::parse(&text).map_err(|refused| refused.of(yaml))?;

@@ -15,14 +15,14 @@ pub struct Pgm {
     pub shades: Vec<u8>,
 }
 
-/// Why bytes are no image: the field, its value and what is accepted.
+/// Reason for refusing an image: the field, its value and the accepted values.
 #[derive(Debug, PartialEq, Eq)]
 pub struct PgmRefused {
     /// Name of the field.
     pub field: &'static str,
     /// Its value.
     pub value: String,
-    /// What would have been accepted.
+    /// Accepted values.
     pub accepted: &'static str,
 }
 
@@ -34,17 +34,19 @@ fn refused(field: &'static str, value: impl Into<String>, accepted: &'static str
     }
 }
 
-/// Longest file read, bytes: as many pixels as there may be, each with up to five digits and a space.
+/// Longest file that is read, bytes: as many pixels as there may be, each with up to five digits
+/// and a space.
 pub const PGM_BYTES_MAX: u64 = 6 * GRID_CELLS_MAX as u64;
 
 /// Largest sample a PGM may have.
 const LARGEST_MAX: u32 = 65_535;
 
 impl Pgm {
-    /// Reads an image. What a binary one goes on with after its pixels is another image, and left.
+    /// Parses an image. A binary file may continue with further images after its pixels, which are
+    /// ignored.
     ///
     /// # Errors
-    /// Names the field that cannot be, its value and what is accepted.
+    /// Names the invalid field, its value and the accepted values.
     pub fn parse(bytes: &[u8]) -> Result<Self, PgmRefused> {
         let is_binary = match bytes.get(..2) {
             Some(b"P2") => false,
@@ -74,7 +76,7 @@ impl Pgm {
     }
 }
 
-/// A sample as a shade of 255.
+/// Scales a sample to a shade of at most 255.
 fn shade(sample: u32, largest: u32) -> u8 {
     ((sample.min(largest) * 255 + largest / 2) / largest) as u8
 }
@@ -173,7 +175,7 @@ impl<'a> Words<'a> {
             })
     }
 
-    /// What follows the one space that ends the header.
+    /// Returns the bytes after the single space that ends the header.
     fn behind_one_space(&self) -> &'a [u8] {
         self.bytes.get(self.at + 1..).unwrap_or_default()
     }

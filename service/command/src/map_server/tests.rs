@@ -9,7 +9,7 @@ const YAML: &str = "image: map.pgm\nresolution: 0.050000\norigin: [-1.0, 2.5, 0.
 /// Three by two pixels as `map_saver` writes them: occupied, unknown, free over free, occupied, free.
 const PIXELS: [u8; 6] = [0, 205, 254, 254, 0, 254];
 
-/// A folder with a map; its description's path.
+/// Writes a folder with a map; returns the path of its description.
 fn map(yaml: &str, image: &[u8]) -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("map.yaml");

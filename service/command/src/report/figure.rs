@@ -11,24 +11,24 @@ use crate::CommandError;
 use crate::session_record::SessionRecord;
 use crate::table::title;
 
-/// Width of every figure, pixels: about what a phone has, so that no screen shrinks its labels much.
+/// Width of every figure, pixels: about that of a phone, so that no screen shrinks its labels much.
 const WIDTH: u32 = 440;
 /// Width and height of a figure, pixels.
 const SIZE: (u32, u32) = (WIDTH, 250);
-/// The path's, which shows both axes to the same scale.
+/// Size of the path's figure, which shows both axes to the same scale, pixels.
 const PATH_SIZE: (u32, u32) = (WIDTH, WIDTH);
 /// Height of the letters, pixels.
 const LETTERS: u32 = 15;
-/// Font that the drawing library is asked for: it takes a whole size and divides it by 1.24.
+/// Font requested from the drawing library, which requires a whole size and divides it by 1.24.
 const LABEL: (&str, f64) = ("sans-serif", 19.0);
-/// Least width at which a page may show a figure, pixels: its letters are 12 pixels high then.
+/// Least width at which a page may show a figure, pixels: its letters are then 12 pixels high.
 pub const WIDTH_MIN: u32 = WIDTH * 12 / LETTERS;
-/// Labels of an axis: as many as do not touch each other.
+/// Most labels of an axis that do not touch each other.
 const LABELS_MAX: usize = 5;
-/// Colours that a colour-blind reader tells apart (Okabe and Ito).
+/// Colour that a colour-blind reader can tell from the others (Okabe and Ito).
 const BLUE_LINE: RGBColor = RGBColor(0, 114, 178);
 const ORANGE_LINE: RGBColor = RGBColor(213, 94, 0);
-/// Most points of a curve: more than the figure has pixels helps nobody.
+/// Most points of a curve: more than the figure's pixels are useless.
 const POINTS_MAX: usize = 2_000;
 
 type Points = Vec<(f64, f64)>;
@@ -44,10 +44,10 @@ struct Chart<'a> {
     marks: &'a [f64],
 }
 
-/// All figures, each with its caption.
+/// Draws all figures, each with its caption.
 ///
 /// # Errors
-/// When the drawing library refuses.
+/// The drawing library fails.
 pub fn figures(
     report: &CalibrationReport,
     session: &SessionRecord,
@@ -72,8 +72,8 @@ pub fn figures(
     Ok(figures)
 }
 
-/// A parameter's value with two sigmas either way. What it did before it was known to a tenth of its
-/// first uncertainty is cut off at the edges of the figure.
+/// Makes the chart of a parameter's value with two sigmas either way. Values from before the
+/// uncertainty fell to a tenth of its initial value are cut off at the edges of the figure.
 fn parameter<'a>(
     name: Parameter,
     estimates: &[EstimateDocument],
@@ -157,14 +157,14 @@ fn path(session: &SessionRecord) -> Option<Chart<'static>> {
     })
 }
 
-/// At most [`POINTS_MAX`] of them, evenly.
+/// Thins the points evenly to at most [`POINTS_MAX`].
 fn thinned<T>(points: &[T]) -> impl Iterator<Item = &T> {
     points
         .iter()
         .step_by(points.len().div_ceil(POINTS_MAX).max(1))
 }
 
-/// From the least to the greatest finite value with some air; `None` when there is none.
+/// Returns the range of the finite values with a margin; `None` without any.
 fn extent(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
     let mut finite = values.filter(|value| value.is_finite());
     let first = finite.next()?;

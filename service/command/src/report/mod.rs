@@ -13,7 +13,7 @@ use crate::CommandError;
 use crate::session_record::SessionRecord;
 use crate::table::{readable, title};
 
-/// Nothing is asked of anybody, and nothing runs.
+/// Head of the page, whose policy forbids requests and scripts.
 const HEAD: &str = "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
 <meta name=\"viewport\" content=\"width=device-width\">\n\
 <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
@@ -29,7 +29,7 @@ grid-template-columns:repeat(auto-fill,minmax(min(100%,440px),1fr))}\
 /// Writes the page.
 ///
 /// # Errors
-/// When a figure cannot be drawn or the file cannot be written.
+/// A figure cannot be drawn or the file cannot be written.
 pub fn write(
     path: &Path,
     recording: &Path,
@@ -111,7 +111,7 @@ fn parameters(report: &CalibrationReport) -> String {
     table
 }
 
-/// Text that is text in HTML.
+/// Escapes text for HTML.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")

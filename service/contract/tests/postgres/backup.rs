@@ -8,7 +8,7 @@ use fleetcal_store::database_url::PostgresUrl;
 use crate::differential::{Calls, export, filled};
 use fleetcal_contract::own_server::{dump_and_restore, named, psql, setup};
 
-/// What a database holds: rows and hash of every table.
+/// Returns the content of a database: rows and hash of every table.
 fn contents(url: &PostgresUrl) -> Vec<String> {
     let tables = psql(
         url,

@@ -12,16 +12,16 @@ use crate::decision::{Decide, times_decided};
 use crate::proxy::{Cut, Proxy};
 use fleetcal_contract::own_server::{named, number, psql, setup};
 
-/// The store writes again within this time after a cut.
+/// Time within which the store writes again after a cut.
 const AGAIN_WITHIN: Duration = Duration::from_secs(5);
 
-/// A new database behind a proxy.
+/// Makes a database behind a proxy.
 async fn behind_proxy() -> (Proxy, PostgresUrl) {
     let direct = fleetcal_postgres::create_for_test(&named()).await.unwrap();
     Proxy::before_database(&direct).await
 }
 
-/// The server still believes in the former connection, which has the database for itself.
+/// Loses a connection without the server's notice, which still has the lock of the database.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_service_goes_on_when_its_server_has_not_noticed_a_loss() {
     let (proxy, url) = behind_proxy().await;
@@ -76,7 +76,7 @@ async fn a_commit_whose_answer_is_lost_is_told_and_counts_once_or_not_at_all() {
     store.close().await.unwrap();
 }
 
-/// Ends the connection of jobs, that of telemetry, and those that read, each while nobody uses it.
+/// Ends the connection of jobs, that of telemetry, and those for reading, each while it is idle.
 fn end_idle_connections(url: &PostgresUrl) {
     let sql = "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity
         WHERE datname = current_database() AND pid <> pg_backend_pid() AND state = 'idle'";

@@ -12,10 +12,10 @@ use fleetcal_sqlite::Source;
 use fleetcal_store::Store;
 use tokio::sync::Notify;
 
-/// Seconds of each of two robots.
+/// Seconds of history of each of two robots.
 const SECONDS: i64 = 5_000;
 
-/// Fills a store with something of what people and robots leave.
+/// Fills a store with records of people and robots.
 async fn fill(store: &Store) {
     store.transact(AddUser("ann")).await.unwrap();
     store.transact(AddUser("eve")).await.unwrap();

@@ -10,12 +10,12 @@ use fleetcal_store::{
     AuditEntry, AuditFilter, IdempotencyKey, Job, NewEvent, Records, Store, StoreError,
 };
 
-/// When everything is decided: not so long ago that answers are forgotten.
+/// Time of all decisions, recent enough that their answers are still kept.
 const NOW: WallTime = WallTime(NOW_S * NS);
 /// More rows than a test writes.
 const MANY: u32 = 1_000_000;
 
-/// Notes an event once for its key.
+/// Job that records an event once for its key.
 #[derive(Debug, Clone)]
 pub struct Decide(pub String);
 
@@ -59,7 +59,7 @@ impl Decide {
     }
 }
 
-/// Reads the answer that was kept for a key.
+/// Job that reads the stored answer of a key.
 #[derive(Debug)]
 struct AnswerOf(String);
 
@@ -74,7 +74,8 @@ impl Job for AnswerOf {
     }
 }
 
-/// How often a decision is there: its event, its audit row and its answer have to agree.
+/// Returns the number of records of each decision: its event, its audit row and its answer have to
+/// agree.
 pub async fn times_decided(store: &Store, decisions: &[Decide]) -> Vec<usize> {
     let events = store.events(&robot("a"), None, MANY).await.unwrap();
     let filter = AuditFilter {

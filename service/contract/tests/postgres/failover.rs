@@ -13,13 +13,13 @@ use tokio::time::Instant;
 use crate::decision::{Decide, times_decided};
 use fleetcal_contract::own_server::{OwnServer, psql, setup, url_of};
 
-/// The store works again within this time after another server can be written.
+/// Time within which the store works again after another server is writable.
 const AGAIN_WITHIN: Duration = Duration::from_secs(5);
 
-/// A decision is refused within this time while there is no such server.
+/// Time within which a decision is refused while no server is writable.
 const REFUSED_WITHIN: Duration = Duration::from_secs(3);
 
-/// Adds a robot.
+/// Job that adds a robot.
 #[derive(Debug)]
 struct AddRobot(&'static str);
 
@@ -36,7 +36,7 @@ impl Job for AddRobot {
     }
 }
 
-/// Waits until a job is done; gives the time it took.
+/// Waits until a job succeeds; returns the time it took.
 async fn decided_again(store: &Store, decision: &Decide) -> Duration {
     let began = Instant::now();
     while let Err(error) = store.transact(decision.clone()).await {
@@ -45,7 +45,7 @@ async fn decided_again(store: &Store, decision: &Decide) -> Duration {
     began.elapsed()
 }
 
-/// Waits until what was handed over is written.
+/// Waits until the queued telemetry is written.
 async fn flushed(store: &Store) {
     let began = Instant::now();
     while let Err(error) = store.flush().await {
@@ -103,8 +103,8 @@ async fn the_writable_server_is_found_again_after_a_failover() {
     store.close().await.unwrap();
 }
 
-/// A standby that was behind gives the same numbers again: what the store has learnt of the lost
-/// rows has to go with them.
+/// Fails over to a standby that lagged and assigns the same numbers again: the store has to forget
+/// the keys of the lost rows.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn rows_that_a_failover_has_lost_are_not_taken_for_others() {
     let primary = OwnServer::start_new("trust");

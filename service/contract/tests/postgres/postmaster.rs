@@ -15,14 +15,14 @@ use tokio::time::Instant;
 use crate::decision::{Decide, times_decided};
 use fleetcal_contract::own_server::{OwnServer, number, setup};
 
-/// The store writes again within this time after the server's return.
+/// Time within which the store writes again after the server's return.
 const AGAIN_WITHIN: Duration = Duration::from_secs(5);
-/// A decision is refused within this time while the server is away.
+/// Time within which a decision is refused while the server is away.
 const REFUSED_WITHIN: Duration = Duration::from_secs(3);
-/// Seconds of history that are told in a round while the server is away.
+/// Seconds of history that are recorded in a round while the server is away.
 const TOLD_AWAY: i64 = 200;
 
-/// Decisions, and how each ended.
+/// Decisions and their outcomes.
 #[derive(Debug, Default)]
 struct Decided {
     acknowledged: Vec<Decide>,
@@ -42,7 +42,8 @@ impl Decided {
         told.map(drop)
     }
 
-    /// Asserts that the database holds what was told.
+    /// Asserts that the database holds acknowledged decisions once, refused ones never, and unknown
+    /// ones at most once.
     async fn assert_kept(&self, store: &Store) {
         let times = times_decided(store, &self.acknowledged).await;
         assert!(times.iter().all(|&times| times == 1), "{times:?}");
@@ -53,10 +54,10 @@ impl Decided {
     }
 }
 
-/// For so long nothing is asked of a server process that is to notice that its postmaster is gone.
+/// Idle time in which a server process notices that its postmaster is gone.
 const IDLE_FOR: Duration = Duration::from_millis(50);
 
-/// Decides one thing after another until told to stop.
+/// Makes one decision after another until stopped.
 fn deciding(store: &Store, round: usize, stop: &Arc<AtomicBool>) -> JoinHandle<Decided> {
     let (store, stop) = (store.clone(), Arc::clone(stop));
     tokio::spawn(async move {
@@ -74,8 +75,8 @@ fn deciding(store: &Store, round: usize, stop: &Arc<AtomicBool>) -> JoinHandle<D
     })
 }
 
-/// Decides until the server's last processes have noticed that their postmaster is gone: what one of
-/// them acknowledges counts.
+/// Makes decisions until the server's last processes have noticed that their postmaster is gone:
+/// whatever one of them acknowledges counts.
 async fn until_gone(store: &Store, round: usize) -> Decided {
     let mut decided = Decided::default();
     let killed = Instant::now();
@@ -93,7 +94,7 @@ async fn until_gone(store: &Store, round: usize) -> Decided {
     decided
 }
 
-/// What the server's absence is like for those who decide and for telemetry.
+/// Exercises decisions and telemetry while the server is away.
 async fn away(store: &Store, round: usize, from_s: i64) {
     for second in 0..TOLD_AWAY {
         record(store, "a", from_s + second, 0.5);

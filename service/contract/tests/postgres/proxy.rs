@@ -12,19 +12,19 @@ use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Notify;
 
-/// Where the connection of the next job, or transaction, is cut.
+/// Point at which the connection of the next job or transaction is cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cut {
-    /// The server never sees the COMMIT.
+    /// The server does not receive the COMMIT.
     BeforeCommit,
-    /// The server has committed, and the client never sees the answer.
+    /// The server has committed, and the client does not receive the answer.
     AfterCommit,
-    /// The server never sees the COMMIT of the next transaction, a job's or not, and goes on believing in
-    /// its client.
+    /// The server does not receive the COMMIT of the next transaction, a job's or not, and keeps
+    /// the connection.
     NeverCommits,
 }
 
-/// A proxy that runs as long as this value's runtime.
+/// Proxy that runs as long as this value's runtime.
 #[derive(Debug, Clone)]
 pub struct Proxy {
     address: SocketAddr,
@@ -34,7 +34,8 @@ pub struct Proxy {
 }
 
 impl Proxy {
-    /// One before the server of a database; gives the address of the database behind it, too.
+    /// Starts a proxy before the server of a database; returns it with the database's address
+    /// behind it.
     pub async fn before_database(direct: &PostgresUrl) -> (Self, PostgresUrl) {
         let Some(Server::Tcp { host, port }) = direct.servers.first() else {
             panic!("a proxy needs a server that listens on TCP, got {direct}");
@@ -67,7 +68,7 @@ impl Proxy {
         proxy
     }
 
-    /// Forwards until either side ends it; the server's is kept open when clients are lost.
+    /// Forwards until either side ends it; the server's side is kept open when clients are lost.
     async fn serve(&self, client: TcpStream, server: TcpStream) {
         let server = server.into_std().unwrap();
         let kept = server.try_clone().unwrap();
@@ -97,7 +98,7 @@ impl Proxy {
         }
     }
 
-    /// What the client sends, message by message.
+    /// Forwards the client's messages one by one.
     async fn requests(
         &self,
         mut from: OwnedReadHalf,
@@ -139,17 +140,17 @@ impl Proxy {
         }
     }
 
-    /// How many requests that wait for an answer clients have sent so far.
+    /// Returns the number of requests so far that clients awaited an answer to.
     pub fn round_trips(&self) -> usize {
         self.round_trips.load(Ordering::SeqCst)
     }
 
-    /// Ends every client's connection; the server goes on believing in them.
+    /// Ends every client's connection without the server's notice.
     pub fn lose_clients(&self) {
         self.lose_clients.notify_waiters();
     }
 
-    /// Where it listens.
+    /// Returns the address that it listens on.
     pub fn host(&self) -> String {
         self.address.to_string()
     }
@@ -159,13 +160,13 @@ impl Proxy {
         *self.armed.lock().unwrap() = Some(cut);
     }
 
-    /// Whether the cut that was asked for has not come yet.
+    /// True if the requested cut has not happened yet.
     pub fn is_armed(&self) -> bool {
         self.armed.lock().unwrap().is_some()
     }
 }
 
-/// What the server sends.
+/// Forwards the server's bytes.
 async fn answers(
     mut from: OwnedReadHalf,
     mut to: OwnedWriteHalf,

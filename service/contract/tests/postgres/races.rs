@@ -9,7 +9,7 @@ use fleetcal_store::{DeploymentFreeze, Job, Records, Store, StoreError};
 use crate::differential::lifecycle::propose;
 use fleetcal_contract::own_server::{named, number};
 
-/// Freezes or thaws, if nobody did since `expected`.
+/// Job that freezes or thaws, if the freeze is unchanged since `expected`.
 #[derive(Debug)]
 struct Freeze {
     expected: Version,
@@ -37,7 +37,7 @@ impl Job for Freeze {
     }
 }
 
-/// Proposes something new for a robot of its own.
+/// Job that proposes a new revision for a robot of its own.
 #[derive(Debug)]
 struct Propose {
     robot: String,
@@ -56,7 +56,7 @@ impl Job for Propose {
     }
 }
 
-/// Two stores of one new database.
+/// Opens two stores on one new database.
 async fn two_stores() -> (Store, Store) {
     let database = TestDatabase::on(&named()).await;
     (database.open(clock()).await, database.open(clock()).await)

@@ -17,7 +17,8 @@ async fn opened(setup: PostgresSetup) -> Result<Store, StoreError> {
     open(setup, Box::new(()), clock() as _).await
 }
 
-/// Why a store cannot be opened: one line, which names everything in `named`.
+/// Asserts that a store cannot be opened, with an error of one line that names everything in
+/// `named`.
 async fn refused(setup: PostgresSetup, named: &[&str]) {
     let error = opened(setup).await.unwrap_err();
     let mut text = error.to_string();
@@ -32,12 +33,12 @@ async fn refused(setup: PostgresSetup, named: &[&str]) {
     }
 }
 
-/// A new database on the server that is named.
+/// Makes a database on the named server.
 async fn empty() -> PostgresUrl {
     fleetcal_postgres::create_for_test(&named()).await.unwrap()
 }
 
-/// A new role on the server that is named, which may sign in and nothing else.
+/// Makes a role on the named server, which may only sign in.
 pub fn new_role(name: &str) -> String {
     let role = format!("fleetcal_{name}_{}", std::process::id());
     psql(&named(), &format!("CREATE ROLE {role} LOGIN"));
@@ -189,7 +190,7 @@ async fn a_second_service_is_refused_until_the_first_one_ends() {
     store.close().await.unwrap();
 }
 
-/// Counts users over a store's connection of jobs.
+/// Job that counts users over a store's connection of jobs.
 #[derive(Debug)]
 struct Count;
 

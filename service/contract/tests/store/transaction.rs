@@ -14,7 +14,7 @@ use fleetcal_domain::limits;
 use fleetcal_model::WallTime;
 use fleetcal_store::{AuditEntry, AuditFilter, Job, Records, StoreError};
 
-/// Adds a user, counts its runs, and is refused then.
+/// Job that adds a user, counts its runs, and is then refused.
 #[derive(Debug)]
 struct AddAndRefuse(&'static str, Arc<AtomicU32>);
 
@@ -99,7 +99,7 @@ async fn a_job_may_be_run_again_and_counts_once() {
     assert_eq!(store.users(0, 10).await.unwrap().len(), 2);
 }
 
-/// Every job here is run twice, and undone the first time.
+/// Checks the numbers with every job run twice, and undone the first time.
 #[tokio::test]
 async fn numbers_of_the_audit_have_no_gaps() {
     #[derive(Debug)]
@@ -158,8 +158,8 @@ async fn a_robot_that_a_refused_job_made_is_made_again() {
     assert_eq!(store.events(&robot("a"), None, 10).await.unwrap().len(), 1);
 }
 
-/// A job in the middle of as much telemetry as may wait: it is committed after a few short
-/// transactions, and does not wait for all of it.
+/// Runs a job in the middle of a full queue of telemetry: it is committed after a few short
+/// transactions, without waiting for all of it.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn telemetry_delays_no_job() {
     let database = TestDatabase::new().await;

@@ -1,6 +1,6 @@
-//! Rules of users, sessions and tokens: what keeps one from being made, changed or removed.
+//! Rules of users, sessions and tokens: reasons to refuse making, changing or removing one.
 //!
-//! Whoever keeps the records says what is there; the rules say what follows.
+//! The caller passes the records; the rules decide.
 
 use fleetcal_model::{TokenId, UserId, Version, WallTime};
 
@@ -11,46 +11,46 @@ use super::name::AccountName;
 use super::role::Role;
 use crate::limits;
 
-/// Why a user, session or token was not changed.
+/// Reason for which a user, session or token was not changed.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum AccountRefused {
-    /// No such user.
+    /// Unknown user.
     #[error("no user {0} is known")]
     UserUnknown(UserId),
-    /// No such token.
+    /// Unknown token.
     #[error("no token {0} is known")]
     TokenUnknown(TokenId),
     /// The session has ended.
     #[error("the session has ended")]
     SessionUnknown,
-    /// Another user, or token that counts, has the name.
+    /// Name of another user, or of another token that counts.
     #[error("the name {0} is taken")]
     NameTaken(AccountName),
-    /// The user is no longer the one that the caller saw.
+    /// Version conflict: the user has changed since the caller read it.
     #[error("user {id} is at version {found}")]
     VersionConflict {
-        /// Who.
+        /// User's id.
         id: UserId,
-        /// The version now.
+        /// Present version.
         found: Version,
     },
-    /// Nobody could administrate any more.
+    /// Removal of the last administrator.
     #[error("this is the last administrator that can sign in; make another one first")]
     LastAdmin,
-    /// The first administrator is there already.
+    /// Set-up when there is an administrator already.
     #[error("there are users already; sign in as one of them")]
     AlreadySetUp,
-    /// Too many of them.
+    /// Limit of users or tokens reached.
     #[error("there are {max} {what} already, which is the limit")]
     Full {
-        /// Users or tokens.
+        /// Kind of record: users or tokens.
         what: &'static str,
-        /// How many.
+        /// The limit.
         max: u32,
     },
 }
 
-/// Whether somebody with this grant can administrate.
+/// True if an account with this grant counts as an administrator who can sign in.
 pub fn counts_as_admin(grant: &Grant, disabled: bool) -> bool {
     grant.role() == Role::Admin && !disabled
 }
@@ -124,8 +124,8 @@ pub const fn allow_change(
     Ok(())
 }
 
-/// A session that began at the first time or before has ended, and one that was last used at the
-/// second or before.
+/// Latest begin, and latest use, of sessions that have ended at `now`: one that began or was last
+/// used at these times or before has ended.
 pub fn ended_before(now: WallTime) -> (WallTime, WallTime) {
     (
         now.minus(limits::SESSION_MAX),

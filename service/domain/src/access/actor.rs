@@ -4,7 +4,7 @@ use strum::{IntoStaticStr, VariantArray};
 
 use super::Role;
 
-/// How an actor proved who it is.
+/// Proof of an actor's identity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, IntoStaticStr, VariantArray)]
 #[strum(serialize_all = "snake_case")]
 pub enum Authentication {
@@ -18,12 +18,12 @@ pub enum Authentication {
     Zenoh,
     /// The service itself.
     Service,
-    /// Somebody with the data folder at hand.
+    /// A person with access to the data folder.
     CommandLine,
 }
 
 impl Authentication {
-    /// All of them.
+    /// Every kind of authentication.
     pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
 
     /// The name in the audit.
@@ -32,23 +32,23 @@ impl Authentication {
     }
 }
 
-/// Who does something.
+/// Originator of an action: a person, token, robot or the service.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Actor {
     /// A person's or token's name, a robot's id, or `fleetcal`.
     pub name: String,
-    /// How that is known.
+    /// Proof of identity.
     pub authentication: Authentication,
-    /// What the actor may do; `None` for the service itself.
+    /// Role of the actor; `None` for the service itself.
     pub role: Option<Role>,
-    /// The HTTP request; `None` of whoever sends none.
+    /// HTTP request; `None` of an actor that sends none.
     pub request: Option<HttpRequest>,
 }
 
-/// The HTTP request with which somebody does something.
+/// HTTP request that caused an action.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct HttpRequest {
-    /// Its id.
+    /// Id of the request.
     pub id: Option<String>,
     /// The client's address.
     pub address: Option<String>,
@@ -58,7 +58,7 @@ pub struct HttpRequest {
 pub const FORWARDED_BY: &str = "x-fleetcal-forwarded-by";
 
 impl Actor {
-    /// What a user or token is counted under: a user's sessions are one caller.
+    /// Key of a user or token in counters; all sessions of a user share one.
     pub fn key(&self) -> String {
         format!("{}\n{}", self.authentication.as_str(), self.name)
     }
@@ -73,7 +73,7 @@ impl Actor {
         }
     }
 
-    /// Somebody who runs a command beside the service, and may do what the data folder allows.
+    /// A person who runs a command beside the service, with the rights that the data folder gives.
     pub fn command_line() -> Self {
         Self {
             name: "command line".to_owned(),
@@ -83,7 +83,7 @@ impl Actor {
         }
     }
 
-    /// A robot that speaks under its own keys.
+    /// A robot that sends under its own keys.
     pub fn robot(id: &fleetcal_proto::RobotId) -> Self {
         Self {
             name: id.as_str().to_owned(),

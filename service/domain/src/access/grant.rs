@@ -5,16 +5,16 @@ use thiserror::Error;
 
 use super::Role;
 
-/// Why a role was not given.
+/// Reason for which a role was not granted.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum GrantRefused {
-    /// The role of a robot without the robot.
+    /// Role of a robot without a robot.
     #[error("a token of role robot is bound to one robot: name it")]
     RobotMissing,
-    /// A robot with another role.
+    /// Robot with another role than a robot's.
     #[error("only a token of role robot is bound to a robot, not one of role {}", .0.as_str())]
     RobotNotAccepted(Role),
-    /// A person of the role of a robot.
+    /// Role of a robot for a person.
     #[error("role: got \"robot\", expected viewer, operator, approver or admin for a person")]
     NoPerson,
 }
@@ -27,10 +27,10 @@ pub struct Grant {
 }
 
 impl Grant {
-    /// What a token is given.
+    /// Grant of a token.
     ///
     /// # Errors
-    /// When robot and role do not go together.
+    /// When the role requires a robot that is missing, or excludes the given one.
     pub fn of_token(role: Role, robot: Option<RobotId>) -> Result<Self, GrantRefused> {
         match (role, &robot) {
             (Role::Robot, None) => Err(GrantRefused::RobotMissing),
@@ -39,10 +39,10 @@ impl Grant {
         }
     }
 
-    /// What a person is given.
+    /// Grant of a person.
     ///
     /// # Errors
-    /// When it is the role of a robot.
+    /// When the role is a robot's.
     pub fn of_person(role: Role) -> Result<Self, GrantRefused> {
         match role {
             Role::Robot => Err(GrantRefused::NoPerson),
@@ -55,7 +55,7 @@ impl Grant {
         self.role
     }
 
-    /// The robot that it is bound to.
+    /// The robot that the grant is bound to.
     pub const fn robot(&self) -> Option<&RobotId> {
         self.robot.as_ref()
     }

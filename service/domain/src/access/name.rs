@@ -5,10 +5,10 @@ use thiserror::Error;
 
 use crate::limits;
 
-/// The service's own name in the audit, which nobody else may bear.
+/// Name of the service in the audit; users and tokens cannot have it.
 const OWN_NAME: &str = "fleetcal";
 
-/// Why a name was refused.
+/// Reason for which a name was refused.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
     "name: got {shown:?}, expected 1 to {} letters, digits, spaces, and . _ - @ + in between, \
@@ -24,7 +24,7 @@ pub struct NameRefused {
 pub struct AccountName(String);
 
 impl AccountName {
-    /// The name, when it can be one.
+    /// Parses a name.
     ///
     /// # Errors
     /// [`NameRefused`] with what is accepted.

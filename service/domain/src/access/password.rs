@@ -1,4 +1,4 @@
-//! Passwords: which are accepted, and argon2id.
+//! Passwords: accepted lengths, and argon2id.
 
 use argon2::password_hash::phc::{Output, ParamsString, PasswordHash as Phc, Salt};
 use argon2::{Algorithm, Argon2, Block, Params, Version};
@@ -7,12 +7,12 @@ use thiserror::Error;
 
 use crate::limits;
 
-/// A hash of no password at all, with the parameters of [`PasswordHash::of`]: an unknown name is
+/// Hash that matches no password, with the parameters of [`PasswordHash::of`]: an unknown name is
 /// verified against it, so that the answer takes as long as for a known one.
 const OF_NOBODY: &str = "$argon2id$v=19$m=19456,t=2,p=1$bm9ib2R5IGlzIGhlcmU$\
                          AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA";
 
-/// Why a password was refused.
+/// Reason for which a password was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error(
     "password: got {chars} characters, expected {} to {}",
@@ -23,7 +23,7 @@ pub struct PasswordRefused {
     chars: usize,
 }
 
-/// A password could not be hashed.
+/// Failure to hash a password.
 #[derive(Debug, Clone, Error)]
 #[error("the password could not be hashed: {0}")]
 pub struct HashFailed(argon2::password_hash::Error);
@@ -33,8 +33,8 @@ pub struct HashFailed(argon2::password_hash::Error);
 pub struct Password(String);
 
 impl Password {
-    /// The password, when it is long enough and not too long. Nothing else is asked of it: length
-    /// is what counts (NIST SP 800-63B, 5.1.1.2).
+    /// Parses a password. Its length alone is checked, as length is what counts (NIST SP 800-63B,
+    /// 5.1.1.2).
     ///
     /// # Errors
     /// [`PasswordRefused`], which does not repeat it.
@@ -54,7 +54,7 @@ impl std::fmt::Debug for Password {
     }
 }
 
-/// What is stored of a password: argon2id with parameters and salt, as a PHC string.
+/// Stored form of a password: argon2id with parameters and salt, as a PHC string.
 #[derive(Clone, PartialEq, Eq)]
 pub struct PasswordHash(String);
 
@@ -79,7 +79,7 @@ impl PasswordHash {
         Self(phc)
     }
 
-    /// The hash that no password has.
+    /// Hash that matches no password.
     pub fn of_nobody() -> Self {
         Self(OF_NOBODY.to_owned())
     }
@@ -89,7 +89,7 @@ impl PasswordHash {
         &self.0
     }
 
-    /// Whether `candidate` is the password. Takes as long as [`PasswordHash::of`].
+    /// True if `candidate` is the password. Takes as long as [`PasswordHash::of`].
     pub fn verify(&self, candidate: &str) -> bool {
         let matches = Phc::new(&self.0).ok().and_then(|phc| {
             let algorithm = Algorithm::try_from(phc.algorithm.as_str()).ok()?;
@@ -104,12 +104,12 @@ impl PasswordHash {
     }
 }
 
-/// Hashes `password` into `digest`, in memory that is given back to the system afterwards.
+/// Hashes `password` into `digest`, and returns the memory to the system afterwards.
 ///
 /// An allocator keeps freed memory for the next allocation, and glibc does so once for each thread:
-/// 19 MiB for each thread that ever hashed. It maps what is larger than
-/// [`limits::ALLOCATOR_MAPS_BEYOND_BYTES`] by itself and unmaps it when it is freed. So more is
-/// reserved than is used; what is not touched takes no memory.
+/// 19 MiB for each thread that ever hashed. Blocks larger than
+/// [`limits::ALLOCATOR_MAPS_BEYOND_BYTES`] are mapped separately and unmapped when freed. So more
+/// is reserved than is used; untouched pages take no memory.
 fn fill(
     argon2: &Argon2<'_>,
     password: &[u8],

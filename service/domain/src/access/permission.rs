@@ -2,28 +2,28 @@
 
 use super::{Grant, Role};
 
-/// What a route asks of its caller.
+/// Permission required of a route's caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
-    /// Nothing.
+    /// Callers without credentials too.
     Public,
-    /// A viewer at least.
+    /// Viewers and higher roles.
     Viewer,
-    /// An operator at least.
+    /// Operators and higher roles.
     Operator,
-    /// An approver at least.
+    /// Approvers and administrators.
     Approver,
-    /// An administrator.
+    /// Administrators.
     Admin,
-    /// The robot that the path names, and nobody else.
+    /// The robot that the path names alone.
     OwnRobot,
-    /// The robot that the path names, or a viewer at least.
+    /// The robot that the path names, viewers and higher roles.
     OwnRobotOrViewer,
 }
 
 impl Access {
-    /// Whether somebody with `grant` may call a route whose path names `robot`. A public route
-    /// lets everybody in, also without any grant.
+    /// True if a caller with `grant` may call a route whose path names `robot`. A public route
+    /// needs no grant.
     pub fn permits(self, grant: &Grant, robot: Option<&str>) -> bool {
         let own = || {
             let bound = grant.robot().map(fleetcal_proto::RobotId::as_str);
@@ -41,7 +41,7 @@ impl Access {
         }
     }
 
-    /// Who is let in, in words.
+    /// Permitted callers, in words.
     pub const fn accepted(self) -> &'static str {
         match self {
             Self::Public => "everybody",
@@ -71,7 +71,7 @@ mod tests {
         Access::OwnRobotOrViewer,
     ];
 
-    /// Which of [`ALL`] let somebody in, as ones and zeros.
+    /// Permissions of [`ALL`] that a grant satisfies, as ones and zeros.
     fn permitted(grant: &Grant, robot: Option<&str>) -> String {
         let digit = |access: &Access| {
             if access.permits(grant, robot) {

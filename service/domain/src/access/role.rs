@@ -1,10 +1,10 @@
-//! Roles of a person, tool or robot, in steps.
+//! Roles of a person, tool or robot, each including the ones below it.
 
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
-/// What somebody may do. The first four include each other from left to right; a robot may only
-/// pull its own calibration and acknowledge it.
+/// Role of a caller. Viewer, operator, approver and admin each include the one before; a robot may
+/// only pull its own calibration and acknowledge it.
 #[derive(
     Debug,
     Clone,
@@ -24,7 +24,7 @@ use strum::{EnumString, IntoStaticStr, VariantArray};
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "snake_case")]
 pub enum Role {
-    /// One robot: pulls and acknowledges its own calibration.
+    /// One robot: fetches and acknowledges its own calibration.
     Robot,
     /// Reads.
     Viewer,
@@ -32,12 +32,12 @@ pub enum Role {
     Operator,
     /// Approves what somebody else has proposed, rolls back, freezes deployments.
     Approver,
-    /// Users, tokens and settings too.
+    /// Manages users, tokens and settings too.
     Admin,
 }
 
 impl Role {
-    /// All of them.
+    /// Every role.
     pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
 
     /// The name in documents, in the database and on the command line.
@@ -45,7 +45,7 @@ impl Role {
         self.into()
     }
 
-    /// The role of this name.
+    /// Parses the name of a role.
     pub fn parse(name: &str) -> Option<Self> {
         name.parse().ok()
     }

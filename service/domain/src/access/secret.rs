@@ -1,4 +1,4 @@
-//! Secrets that are random rather than chosen: their text, and the hash that is stored.
+//! Secrets of random bytes: their text, and the stored hash.
 
 use sha2::{Digest, Sha256};
 use subtle::ConstantTimeEq;
@@ -6,18 +6,18 @@ use subtle::ConstantTimeEq;
 /// The random bytes of a secret.
 pub type Random = [u8; 32];
 
-/// SHA-256 of a random secret: what is stored of it. A fast hash will do, because 256 random bits
-/// cannot be guessed; passwords are hashed by [`super::PasswordHash`].
+/// SHA-256 of a random secret, its stored form. A fast hash will do, because 256 random bits cannot
+/// be guessed; passwords are hashed by [`super::PasswordHash`].
 #[derive(Debug, Clone, Copy, Eq)]
 pub struct SecretHash([u8; 32]);
 
 impl SecretHash {
-    /// The hash of a secret's text.
+    /// Hashes a secret's text.
     pub fn of(text: &str) -> Self {
         Self(Sha256::digest(text.as_bytes()).into())
     }
 
-    /// A stored hash; `None` when it has another length.
+    /// Reads a stored hash; `None` if its length is wrong.
     pub fn stored(bytes: &[u8]) -> Option<Self> {
         bytes.try_into().ok().map(Self)
     }
@@ -29,7 +29,7 @@ impl SecretHash {
 }
 
 impl PartialEq for SecretHash {
-    /// Takes the same time wherever the two differ.
+    /// Compares in constant time.
     fn eq(&self, other: &Self) -> bool {
         self.0.ct_eq(&other.0).into()
     }
@@ -40,7 +40,7 @@ pub(super) fn hex(random: &Random) -> String {
     hex::encode(random)
 }
 
-/// Whether a text is what [`hex`] writes.
+/// True if a text has the form that [`hex`] writes.
 pub(super) fn is_hex(text: &str) -> bool {
     text.len() == 64 && text.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f'))
 }

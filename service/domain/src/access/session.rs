@@ -1,4 +1,4 @@
-//! Sessions of browsers: the cookie's value, and how long one counts.
+//! Sessions of browsers: the cookie's value and the session's validity.
 
 use fleetcal_model::WallTime;
 
@@ -11,12 +11,12 @@ use crate::limits;
 pub struct SessionValue(String);
 
 impl SessionValue {
-    /// A new session.
+    /// Makes a new value.
     pub fn new(random: &Random) -> Self {
         Self(hex(random))
     }
 
-    /// A session that a browser shows; `None` when it has not the form of one.
+    /// Parses a cookie's value; `None` if its form is wrong.
     pub fn parse(text: &str) -> Option<Self> {
         is_hex(text).then(|| Self(text.to_owned()))
     }
@@ -26,7 +26,7 @@ impl SessionValue {
         &self.0
     }
 
-    /// What is stored.
+    /// Hash to be stored.
     pub fn hash(&self) -> SecretHash {
         SecretHash::of(&self.0)
     }
@@ -38,29 +38,29 @@ impl std::fmt::Debug for SessionValue {
     }
 }
 
-/// When a session began and when it was last used, wall time.
+/// Begin and last use of a session, wall time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SessionSpan {
-    /// When its user signed in.
+    /// Time at which its user signed in.
     pub created_ns: WallTime,
-    /// When it was last used, up to [`limits::SESSION_USE_NOTED_EVERY`] late.
+    /// Time of its last use, up to [`limits::SESSION_USE_NOTED_EVERY`] late.
     pub used_ns: WallTime,
 }
 
 impl SessionSpan {
-    /// When it ends unless it is used again: after its idle time, or its whole time if that is
-    /// earlier.
+    /// End of the session unless it is used again: the end of its idle time or of its longest
+    /// duration, whichever is earlier.
     pub fn ends(&self) -> WallTime {
         let idle = self.used_ns.plus(limits::SESSION_IDLE_MAX);
         idle.min(self.created_ns.plus(limits::SESSION_MAX))
     }
 
-    /// Whether it counts at `now`.
+    /// True if it is valid at `now`.
     pub fn is_valid(&self, now: WallTime) -> bool {
         now < self.ends()
     }
 
-    /// Whether its use at `now` should be noted.
+    /// True if its use at `now` should be recorded.
     pub fn is_to_be_noted(&self, now: WallTime) -> bool {
         now >= self.used_ns.plus(limits::SESSION_USE_NOTED_EVERY)
     }

@@ -6,17 +6,17 @@ use super::secret::hex;
 use super::{Random, SecretHash};
 use crate::limits;
 
-/// What the store keeps of a code that a service printed at a start without users.
+/// Stored part of the code that a service prints at a start without users.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SetupCode {
-    /// Of its text.
+    /// Hash of its text.
     pub hash: SecretHash,
-    /// Until when it counts, wall time.
+    /// End of its validity, wall time.
     pub ends_ns: WallTime,
 }
 
 impl SetupCode {
-    /// A new code that counts from `now` (wall time) on, and its text, to be printed once.
+    /// Makes a code that is valid from `now` (wall time), and its text, to be printed once.
     pub fn new(random: &Random, now: WallTime) -> (Self, String) {
         let text = hex(random);
         let code = Self {
@@ -26,7 +26,7 @@ impl SetupCode {
         (code, text)
     }
 
-    /// Whether it still counts.
+    /// True if it is still valid.
     pub fn counts(&self, now: WallTime) -> bool {
         now < self.ends_ns
     }

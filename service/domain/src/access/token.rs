@@ -1,34 +1,34 @@
-//! API tokens: their text, and how long one counts.
+//! API tokens: their text and their validity.
 
 use fleetcal_model::WallTime;
 
 use super::secret::{hex, is_hex};
 use super::{Random, SecretHash};
 
-/// What every token begins with, so that one that leaked is recognised.
+/// Prefix of every token, by which a leaked one is recognised.
 const PREFIX: &str = "cal_";
 
-/// The text of an API token. Shown once; only its hash is kept.
+/// Text of an API token. Shown once; only its hash is kept.
 #[derive(Clone)]
 pub struct TokenValue(String);
 
 impl TokenValue {
-    /// A new token.
+    /// Makes a new token.
     pub fn new(random: &Random) -> Self {
         Self(format!("{PREFIX}{}", hex(random)))
     }
 
-    /// A token that somebody shows; `None` when it has not the form of one.
+    /// Parses a token; `None` if its form is wrong.
     pub fn parse(text: &str) -> Option<Self> {
         is_hex(text.strip_prefix(PREFIX)?).then(|| Self(text.to_owned()))
     }
 
-    /// The text, for the one time that it is shown.
+    /// Text of the token, to be shown once.
     pub fn reveal(&self) -> &str {
         &self.0
     }
 
-    /// What is stored.
+    /// Hash to be stored.
     pub fn hash(&self) -> SecretHash {
         SecretHash::of(&self.0)
     }
@@ -40,30 +40,30 @@ impl std::fmt::Debug for TokenValue {
     }
 }
 
-/// Whether a token counts.
+/// Validity of a token.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TokenState {
-    /// It does.
+    /// Valid.
     Valid,
-    /// No longer, by its own end.
+    /// Expired.
     Expired,
-    /// No longer, by somebody's will.
+    /// Revoked.
     Revoked,
 }
 
-/// From when to when a token counts, wall time.
+/// Validity period of a token, wall time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TokenSpan {
-    /// When it was made.
+    /// Time of its creation.
     pub created_ns: WallTime,
-    /// When it ends; `None` when it does not by itself.
+    /// End of its validity; `None` for a token without one.
     pub expires_ns: Option<WallTime>,
-    /// When it was revoked.
+    /// Time of its revocation.
     pub revoked_ns: Option<WallTime>,
 }
 
 impl TokenSpan {
-    /// Whether a token counts at `now`.
+    /// State of the token at `now`.
     pub fn state(&self, now: WallTime) -> TokenState {
         if self.revoked_ns.is_some() {
             TokenState::Revoked

@@ -4,38 +4,38 @@ use fleetcal_model::WallTime;
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
-/// Where an alert stands. The times are when that began, ns since 1970, wall time.
+/// Condition of an alert, with the time at which it began, ns since 1970, wall time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(tag = "state", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Condition {
-    /// Nothing is wrong, or no more.
+    /// Problem absent or resolved.
     Normal {
-        /// Since when.
+        /// Begin of the condition.
         since_ns: WallTime,
     },
-    /// Something is wrong, but not yet for long enough to call anybody.
+    /// Problem present for less than the alert's delay.
     Pending {
-        /// Since when.
+        /// Begin of the condition.
         since_ns: WallTime,
     },
-    /// Something is wrong.
+    /// Problem present.
     Alerting {
-        /// Since when.
+        /// Begin of the condition.
         since_ns: WallTime,
     },
-    /// It is no longer wrong, but not yet for long enough to believe it.
+    /// Problem absent for less than the recovery delay.
     Recovering {
-        /// Since when.
+        /// Begin of the condition.
         since_ns: WallTime,
     },
-    /// It was wrong when it was last seen; nothing tells whether it still is.
+    /// Problem present when last observed, and not observable now.
     NoData {
-        /// Since when.
+        /// Begin of the condition.
         since_ns: WallTime,
     },
 }
 
-/// The name of a [`Condition`].
+/// Name of a [`Condition`].
 #[derive(
     Debug,
     Clone,
@@ -56,20 +56,20 @@ pub enum Condition {
 #[cfg_attr(feature = "openapi", schema(as = AlertState))]
 #[strum(serialize_all = "snake_case")]
 pub enum ConditionName {
-    /// Nothing is wrong any more.
+    /// Problem absent or resolved.
     Normal,
-    /// Wrong, but not yet for long enough.
+    /// Problem present for less than the alert's delay.
     Pending,
-    /// Wrong.
+    /// Problem present.
     Alerting,
-    /// No longer wrong, but not yet for long enough.
+    /// Problem absent for less than the recovery delay.
     Recovering,
-    /// Wrong when it was last seen; nothing tells whether it still is.
+    /// Problem present when last observed, and not observable now.
     NoData,
 }
 
 impl ConditionName {
-    /// All of them.
+    /// Every condition.
     pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
 
     /// The name in documents and in the database.
@@ -77,39 +77,39 @@ impl ConditionName {
         self.into()
     }
 
-    /// The condition of this name.
+    /// Parses the name of a condition.
     pub fn parse(name: &str) -> Option<Self> {
         name.parse().ok()
     }
 }
 
-/// What a rule sees.
+/// Observation of a rule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Observation {
-    /// Something is wrong.
+    /// Problem present.
     Firing,
-    /// Nothing is wrong.
+    /// Problem absent.
     Clear,
-    /// What the rule looks at is not there.
+    /// Observed quantity unavailable.
     Unknown,
 }
 
 impl Observation {
-    /// All of them.
+    /// Every observation.
     pub const ALL: [Self; 3] = [Self::Firing, Self::Clear, Self::Unknown];
 }
 
-/// How long something has to last before it counts.
+/// Delays before an observation changes the condition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Periods {
-    /// Wrong for so long before it alerts.
+    /// Delay from the first observation of the problem to the alert.
     pub pending_ns: i64,
-    /// No longer wrong for so long before it is over.
+    /// Delay from the first observation without the problem to the alert's end.
     pub recovering_ns: i64,
 }
 
 impl Periods {
-    /// What is a fact at once, and over at once.
+    /// Delays of a fact, which holds and ends at once.
     pub const NONE: Self = Self {
         pending_ns: 0,
         recovering_ns: 0,
@@ -117,7 +117,7 @@ impl Periods {
 }
 
 impl Condition {
-    /// The condition's name.
+    /// Name of the condition.
     pub const fn name(self) -> ConditionName {
         match self {
             Self::Normal { .. } => ConditionName::Normal,
@@ -128,7 +128,7 @@ impl Condition {
         }
     }
 
-    /// When it began.
+    /// Begin of the condition.
     pub const fn since(self) -> WallTime {
         match self {
             Self::Normal { since_ns }
@@ -139,9 +139,9 @@ impl Condition {
         }
     }
 
-    /// The condition after a rule has looked at `now`.
+    /// Condition after an observation at `now`.
     ///
-    /// A wall clock that was set back makes a period longer, never negative.
+    /// A wall clock that was set back lengthens a period and never makes it negative.
     #[must_use]
     pub fn after(self, observation: Observation, now: WallTime, periods: Periods) -> Self {
         use Observation as O;

@@ -1,4 +1,4 @@
-//! An alert as people and programs are given it: over HTTP, on the event stream and in webhooks.
+//! Document of an alert: over HTTP, on the event stream and in webhooks.
 
 use fleetcal_model::{AlertId, Version};
 use fleetcal_proto::RobotId;
@@ -10,62 +10,62 @@ use super::kind::{AlertKind, Severity};
 use super::record::Alert;
 use crate::timestamp;
 
-/// Something that is or was wrong with one robot. Its `ETag` is `version`.
+/// Present or past problem of a robot. Its `ETag` is `version`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "openapi", schema(as = Alert))]
 pub struct AlertDocument {
-    /// Its number.
+    /// Number of the alert.
     pub id: AlertId,
-    /// Whose; `null` of an alert that is about several robots.
+    /// Robot; `null` for an alert about several robots.
     pub robot: Option<RobotId>,
-    /// The robots of an alert that is about several; empty otherwise.
+    /// Robots of an alert about several; empty otherwise.
     pub robots: Vec<RobotId>,
-    /// What is wrong.
+    /// Kind of problem.
     pub kind: AlertKind,
-    /// How bad that is.
+    /// Severity of the problem.
     pub severity: Severity,
-    /// Where it stands.
+    /// Condition of the alert.
     pub state: ConditionName,
-    /// Since when it stands there.
+    /// Begin of that condition.
     #[cfg_attr(feature = "openapi", schema(value_type = String, format = DateTime))]
     pub since: Timestamp,
-    /// Goes up with every change of it.
+    /// Version, incremented with every change.
     pub version: Version,
-    /// What is seen, in words, not older than some seconds; of an alert that no longer fires, what
-    /// was seen last, and that it is not seen any more.
+    /// Description of the observation, at most some seconds old; of an alert that no longer fires,
+    /// the last one, marked as past.
     pub what: String,
-    /// What to do about it, in words.
+    /// Advice for the person who looks after the alert.
     pub advice: &'static str,
-    /// When it was first seen.
+    /// Time of the first observation.
     #[cfg_attr(feature = "openapi", schema(value_type = String, format = DateTime))]
     pub began: Timestamp,
-    /// When it first alerted; `null` while it is pending.
+    /// Time at which it first alerted; `null` while it is pending.
     #[cfg_attr(feature = "openapi", schema(value_type = Option<String>, format = DateTime))]
     pub alerted: Option<Timestamp>,
-    /// When it was over; `null` while it is active.
+    /// Time at which it ended; `null` while it is active.
     #[cfg_attr(feature = "openapi", schema(value_type = Option<String>, format = DateTime))]
     pub ended: Option<Timestamp>,
-    /// Who has taken it on; `null` while nobody has.
+    /// Acknowledgement; `null` before there is one.
     pub acknowledgement: Option<AcknowledgementDocument>,
 }
 
-/// Who has taken an alert on.
+/// Acknowledgement of an alert.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "openapi", schema(as = Acknowledgement))]
 pub struct AcknowledgementDocument {
-    /// Who.
+    /// Person or tool that acknowledged it.
     pub by: String,
-    /// When.
+    /// Time of the acknowledgement.
     #[cfg_attr(feature = "openapi", schema(value_type = String, format = DateTime))]
     pub at: Timestamp,
-    /// What the person has to say.
+    /// Note of the person.
     pub note: Option<String>,
 }
 
 impl AlertDocument {
-    /// The document of an alert.
+    /// Document of an alert.
     pub fn of(alert: &Alert) -> Self {
         let acknowledgement = alert.acknowledgement.as_ref();
         Self {
@@ -91,13 +91,14 @@ impl AlertDocument {
     }
 }
 
-/// What is so now: what an alert says as long as it fires, and else what was so.
+/// Description of the alert as of now: the present observation while it fires, and else the last
+/// one, marked as past.
 fn words(alert: &Alert) -> String {
     let what = &alert.what;
     match alert.condition.name() {
         ConditionName::Pending | ConditionName::Alerting => what.clone(),
         ConditionName::Recovering => format!("not seen any more: {what}"),
-        ConditionName::NoData => format!("when the robot was last heard: {what}"),
+        ConditionName::NoData => format!("at the robot's last message: {what}"),
         ConditionName::Normal => format!("over; it was: {what}"),
     }
 }

@@ -1,4 +1,4 @@
-//! Robots that fall silent together: one alert for all of them.
+//! Robots that fall silent together, in one alert.
 
 use std::collections::BTreeSet;
 
@@ -9,16 +9,16 @@ use super::kind::AlertKind;
 use super::rules::Sighting;
 use super::subject::Subject;
 
-/// So many robots that are silent and of which nobody was told share one alert.
+/// Fewest silent robots, without a published alert of their own, that share one alert.
 const GROUP_MIN: usize = 5;
-/// Robots that the text of a grouped alert names; the alert has all of them.
+/// Most robots that the text of a grouped alert names; the alert lists all of them.
 const NAMED_MAX: usize = 8;
 
-/// Puts the robots that send nothing into one sighting of the fleet when they are
-/// `GROUP_MIN` or more, or when such an alert is active (`is_grouped`). Robots that have an alert
-/// of their own (`has_own`, one that was told) keep it.
+/// Merges silent robots into one sighting of the fleet when they are `GROUP_MIN` or more, or when
+/// such an alert is active (`is_grouped`). Robots with a published alert of their own (`has_own`)
+/// keep it.
 ///
-/// `of` is the number of robots that are set up.
+/// `of` is the number of configured robots.
 pub fn group_silent(
     sightings: &mut Vec<(Subject, Sighting)>,
     of: usize,
@@ -92,7 +92,7 @@ mod tests {
         RobotId::parse(&format!("tugger_{number:02}")).unwrap()
     }
 
-    /// What is seen of the first robots, which are silent, and of the fleet.
+    /// Sightings of the first robots, which are silent, and of the fleet.
     fn seen(silent: usize, is_grouped: bool, own: &[usize]) -> (Vec<usize>, Sighting) {
         let mut sightings: Vec<_> = (1..=silent)
             .map(|number| {

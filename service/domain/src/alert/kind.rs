@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr};
 
-/// What can be wrong with a robot, the worst first.
+/// Kind of an alert about a robot, the worst first.
 #[derive(
     Debug,
     Clone,
@@ -22,40 +22,41 @@ use strum::{EnumString, IntoStaticStr};
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "snake_case")]
 pub enum AlertKind {
-    /// The former calibration should have come back and did not.
+    /// Failed return to the former calibration.
     RollbackFailed,
-    /// The vehicle is significantly not as its approved calibration says, or has changed.
+    /// Significant difference of the vehicle from its approved calibration, or a change of the
+    /// vehicle.
     Drift,
-    /// A verification estimate disagreed with the calibration that was applied.
+    /// Verification estimate that disagrees with the applied calibration.
     VerificationFailed,
-    /// Two senders use the robot's name.
+    /// Two senders under the robot's id.
     TwoSenders,
-    /// The robot sends on a key that is no longer used.
+    /// Messages of the robot on a former key.
     FormerKey,
-    /// Somebody answered in the robot's name, and the robot itself said otherwise.
+    /// Answer in the robot's name that its own answer contradicts.
     FalseReport,
-    /// The robot's estimator failed too often and was stopped.
+    /// Estimator stopped after too many failures.
     EstimatorFailed,
     /// No instance of the cluster estimates the robot.
     NoInstance,
-    /// The robot did not take what was approved.
+    /// Approved calibration that the robot did not apply.
     NotApplied,
-    /// The robot uses another calibration than it should.
+    /// Calibration in use that differs from the desired one.
     OutOfSync,
-    /// A robot that was sending sends nothing.
+    /// Silence of a robot that was sending.
     NoData,
-    /// A sensor or the LiDAR odometry failed for a while.
+    /// Failure of a sensor or of the LiDAR odometry that lasts.
     Fault,
-    /// The robot uses values that no estimate was approved for, and they are significantly wrong.
+    /// Significantly wrong values in use that were never approved from an estimate.
     Uncalibrated,
-    /// Instances of the cluster have different configurations.
+    /// Different configurations of the cluster's instances.
     ConfigurationsDiffer,
-    /// The clock of an instance is not that of the database.
+    /// Clock of an instance that differs from the database's.
     ClockOff,
 }
 
 impl AlertKind {
-    /// All of them.
+    /// Every kind.
     pub const ALL: [Self; 15] = [
         Self::RollbackFailed,
         Self::Drift,
@@ -74,7 +75,7 @@ impl AlertKind {
         Self::ClockOff,
     ];
 
-    /// Those that a robot's view and records say.
+    /// Kinds that follow from a robot's view and records.
     pub const OF_ROBOT: [Self; 12] = [
         Self::RollbackFailed,
         Self::Drift,
@@ -95,12 +96,12 @@ impl AlertKind {
         self.into()
     }
 
-    /// The kind of this name.
+    /// Parses the name of a kind.
     pub fn parse(name: &str) -> Option<Self> {
         name.parse().ok()
     }
 
-    /// How bad it is.
+    /// Severity of the kind.
     pub const fn severity(self) -> Severity {
         match self {
             Self::RollbackFailed => Severity::Critical,
@@ -121,7 +122,7 @@ impl AlertKind {
         }
     }
 
-    /// What somebody should do about it.
+    /// Advice for the person who looks after the alert.
     pub const fn advice(self) -> &'static str {
         match self {
             Self::RollbackFailed => {
@@ -190,17 +191,17 @@ impl AlertKind {
     }
 }
 
-/// How bad an alert is, the worst first.
+/// Severity of an alert, the worst first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", schema(as = AlertSeverity))]
 pub enum Severity {
-    /// Somebody has to go there now.
+    /// Somebody must go to the robot now.
     Critical,
     /// The robot drives worse than it should.
     Error,
-    /// Somebody should look at it.
+    /// Somebody should look at the robot.
     Warning,
 }
 

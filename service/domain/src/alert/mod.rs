@@ -1,9 +1,9 @@
-//! Alerts: which robot needs what, since when, and who has seen it.
+//! Alerts: their rules, conditions and acknowledgements.
 //!
-//! Pure: no clock, no database, no wire. [`sightings`] holds each rule against a robot's view and
-//! its records; [`group_silent`] makes one of robots that fall silent together; [`step`] takes what a rule saw and moves the one active [`Alert`] of that robot
-//! and kind on. Whether something is wrong ([`Condition`]) and whether somebody has taken it on
-//! ([`Acknowledgement`]) are two axes: neither changes the other.
+//! Pure: no clock, no database, no wire. [`sightings`] evaluates each rule on a robot's view and
+//! its records; [`group_silent`] merges robots that fall silent together; [`step`] applies a rule's
+//! sighting to the one active [`Alert`] of that robot and kind. The problem ([`Condition`]) and its
+//! [`Acknowledgement`] are independent: neither changes the other.
 
 mod condition;
 mod document;

@@ -1,4 +1,4 @@
-//! Policy of alerts: conditions, and the delay of each.
+//! Policy of alerts: kinds in use, and the delay of each.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,9 +9,9 @@ use super::kind::AlertKind;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AlertPolicy {
-    /// Something has to be wrong for so long before it alerts, s.
+    /// Delay from the first observation of a problem to its alert, s.
     pub pending_s: f64,
-    /// And right again for so long before it is over, s.
+    /// Delay from the end of a problem to the end of its alert, s.
     pub recovering_s: f64,
     /// Kinds that never alert.
     pub off: Vec<AlertKind>,
@@ -28,7 +28,7 @@ impl Default for AlertPolicy {
 }
 
 impl AlertPolicy {
-    /// Whether its numbers can be worked with.
+    /// Checks its numbers.
     ///
     /// # Errors
     /// One sentence that names the key, the value and what is accepted.
@@ -45,8 +45,8 @@ impl AlertPolicy {
         Ok(())
     }
 
-    /// How long a kind has to last before it counts. What the records say is a fact at once; what
-    /// the robot's data say may pass.
+    /// Delays of a kind. Facts of the records count at once; observations of the robot's data may
+    /// be transient.
     pub fn periods(&self, kind: AlertKind) -> Periods {
         let of_data = Periods {
             pending_ns: (self.pending_s * 1e9) as i64,

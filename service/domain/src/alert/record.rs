@@ -1,4 +1,4 @@
-//! One thing that is or was wrong with one robot.
+//! Record of an alert.
 
 use fleetcal_model::{AlertId, Version, WallTime};
 use fleetcal_proto::RobotId;
@@ -10,95 +10,95 @@ use super::kind::AlertKind;
 use super::rules::Sighting;
 use super::subject::Subject;
 
-/// The words of an alert are written down again at most this often, ns.
+/// Shortest time between two updates of an alert's description, ns.
 const RETOLD_EVERY_NS: i64 = 10 * 1_000_000_000;
 
-/// Who has taken an alert on.
+/// Acknowledgement of an alert.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Acknowledgement {
-    /// Who.
+    /// Person or tool that acknowledged it.
     pub by: String,
-    /// When, ns since 1970, wall time.
+    /// Time of the acknowledgement, ns since 1970, wall time.
     pub at_ns: WallTime,
-    /// What the person has to say.
+    /// Note of the person.
     pub note: Option<String>,
 }
 
-/// One thing that is or was wrong with one robot, or with several at once. A robot has one active
-/// alert of a kind at most.
+/// Present or past problem of one robot, or of several at once. A robot has at most one active
+/// alert of a kind.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Alert {
-    /// Its number; the store gives it, and 0 stands for none yet.
+    /// Number that the store assigns; 0 before that.
     #[serde(skip)]
     pub id: AlertId,
-    /// Whose.
+    /// Robot, or the fleet.
     pub robot: Subject,
-    /// The robots of an alert that is about several.
+    /// Robots of an alert about several.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub robots: Vec<RobotId>,
-    /// What.
+    /// Kind of problem.
     pub kind: AlertKind,
-    /// Goes up with every change of it.
+    /// Version, incremented with every change.
     pub version: Version,
-    /// Where it stands.
+    /// Condition of the alert.
     pub condition: Condition,
-    /// When it was first seen, ns since 1970, wall time.
+    /// Time of the first observation, ns since 1970, wall time.
     pub began_ns: WallTime,
-    /// When it first alerted; `None` while it is pending.
+    /// Time at which it first alerted; `None` while it is pending.
     pub alerted_ns: Option<WallTime>,
-    /// When it was over; `None` while it is active.
+    /// Time at which it ended; `None` while it is active.
     pub ended_ns: Option<WallTime>,
-    /// What is seen, in words; of an alert that no longer fires, what was seen last.
+    /// Description of the observation; of an alert that no longer fires, the last one.
     pub what: String,
-    /// When that was written down, ns since 1970, wall time.
+    /// Time at which the description was updated, ns since 1970, wall time.
     #[serde(default)]
     pub told_ns: WallTime,
-    /// Who has taken it on.
+    /// Acknowledgement, once there is one.
     pub acknowledgement: Option<Acknowledgement>,
 }
 
-/// What people are told of a change.
+/// Published change of an alert.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Notice {
-    /// It alerts for the first time.
+    /// First alert of the problem.
     Alerting,
-    /// It is over.
+    /// End of the alert.
     Resolved,
 }
 
-/// What a sighting makes of an alert.
+/// Effect of a sighting on an alert.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Step {
-    /// Nothing has changed.
+    /// No change.
     Same,
-    /// Where it stands is the same, and its words are others.
+    /// Same condition, with an updated description.
     Retold(Box<Alert>),
-    /// It is new or has changed, and people are told.
+    /// New or changed alert, with the notice to publish, if any.
     Changed(Box<Alert>, Option<Notice>),
-    /// It was pending and came to nothing: it need not be kept.
+    /// Pending alert that came to nothing and need not be kept.
     Dropped,
 }
 
-/// Why an acknowledgement was refused; nothing has changed then.
+/// Reason for which an acknowledgement was refused; nothing has changed then.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum AlertRefused {
-    /// No alert has this number.
+    /// Unknown number.
     #[error("no alert {0} is known")]
     Unknown(AlertId),
-    /// It has changed since it was looked at.
+    /// Alert changed since it was read.
     #[error("it is at version {found} now: it changed since you opened it")]
     Stale {
-        /// The version it is at.
+        /// Present version.
         found: Version,
     },
-    /// Somebody has taken it on already.
+    /// Alert that is acknowledged already.
     #[error("{0} has acknowledged this already")]
     AcknowledgedAlready(String),
 }
 
-/// Moves the active alert of a robot and kind on; `before` is `None` while there is none.
+/// Applies a sighting to the active alert of a robot and kind; `before` is `None` without one.
 pub fn step(
     before: Option<&Alert>,
     robot: &Subject,
@@ -148,8 +148,8 @@ pub fn step(
     Step::Changed(Box::new(alert), notice)
 }
 
-/// The words follow what is seen, so that they say what is so now; its version stays, because
-/// nobody has to decide again.
+/// Updates the description with the sighting. The version stays, since there is nothing new to
+/// decide.
 fn retold(before: &Alert, sighting: &Sighting, now: WallTime) -> Step {
     let says_more = before.what != sighting.what || before.robots != sighting.robots;
     let is_due = now.ns_since(before.told_ns) >= RETOLD_EVERY_NS;
@@ -168,13 +168,13 @@ impl Alert {
         self.told_ns = now;
     }
 
-    /// Whether it is not over.
+    /// True if it has not ended.
     pub const fn is_active(&self) -> bool {
         self.ended_ns.is_none()
     }
 
-    /// Its place in a list, the most urgent first: active ones by kind, then those that are pending,
-    /// then those that are over.
+    /// Rank in a list, the most urgent first: active alerts by kind, then pending ones, then ended
+    /// ones.
     pub fn rank(&self) -> u32 {
         let active = AlertKind::OF_ROBOT.len() as u32;
         match self.condition.name() {
@@ -193,10 +193,10 @@ impl Alert {
         }
     }
 
-    /// The alert with somebody who takes it on, whatever its condition.
+    /// Acknowledges the alert, in any condition.
     ///
     /// # Errors
-    /// [`AlertRefused::Stale`] when it is not at `version`, [`AlertRefused::AcknowledgedAlready`].
+    /// [`AlertRefused::Stale`] if it is not at `version`, [`AlertRefused::AcknowledgedAlready`].
     pub fn acknowledge(
         &self,
         version: Version,

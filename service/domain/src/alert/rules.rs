@@ -1,4 +1,4 @@
-//! The rules: each says of one robot whether one kind of thing is wrong.
+//! Rules, each of which detects one kind of problem of one robot.
 
 use fleetcal_model::{Parameter, ParameterStatus, WallTime};
 use fleetcal_proto::RobotId;
@@ -16,42 +16,42 @@ use crate::timestamp;
 
 /// Nanoseconds in a second.
 const NS_PER_S: i64 = 1_000_000_000;
-/// A robot that was heard before the service's start has so long to be heard again, s.
+/// Time for a robot that was heard before the service's start to be heard again, s.
 const STALE_S: i64 = 3;
-/// A fault counts as going on for so long after the estimator told it.
+/// Time for which a fault counts as going on after the estimator reported it.
 const FAULT_LASTS_NS: i64 = 5 * NS_PER_S;
 
-/// How a robot stands, beside its records.
+/// State of a robot beside its records.
 #[derive(Debug, Clone, Copy)]
 pub struct Situation<'a> {
     /// Wall time.
     pub now: WallTime,
-    /// When the watch began, wall time.
+    /// Begin of the watch, wall time.
     pub watched_since_ns: WallTime,
     /// The robot.
     pub view: &'a RobotView,
-    /// Its records.
+    /// Records of the robot.
     pub ledger: &'a RobotLedger,
-    /// Its newest deployment, under way or not.
+    /// Newest deployment, under way or not.
     pub latest: Option<&'a Deployment>,
-    /// When its estimator last told a fault, wall time, and what it came from.
+    /// Time and source of the last fault that its estimator reported, wall time.
     pub fault: Option<(WallTime, &'a str)>,
-    /// How far is too far.
+    /// Limits of deviations.
     pub approval: &'a approval::Policy,
-    /// What is alerted.
+    /// Policy of alerts.
     pub policy: &'a AlertPolicy,
 }
 
-/// What one rule sees.
+/// Sighting of one rule.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sighting {
-    /// Which rule.
+    /// Kind of the rule.
     pub kind: AlertKind,
-    /// What it sees.
+    /// Observation of the rule.
     pub observation: Observation,
-    /// In words, when it fires.
+    /// Description, if it fires.
     pub what: String,
-    /// The robots that it is about, when it is about several.
+    /// Robots of a sighting about several.
     pub robots: Vec<RobotId>,
 }
 
@@ -87,8 +87,8 @@ impl Seen {
     }
 }
 
-/// What every rule of [`AlertKind::OF_ROBOT`] sees of a robot. Of a robot without a vehicle nothing
-/// is wrong.
+/// Sightings of every rule of [`AlertKind::OF_ROBOT`] for a robot. A robot without a configured
+/// vehicle has no problem.
 pub fn sightings(situation: &Situation<'_>) -> [Sighting; AlertKind::OF_ROBOT.len()] {
     AlertKind::OF_ROBOT.map(|kind| {
         let off = situation.policy.off.contains(&kind) || situation.view.config.is_none();
@@ -125,7 +125,7 @@ fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
                 let since_ns = situation.now.ns_since(at_ns);
                 let lasts = (0..FAULT_LASTS_NS).contains(&since_ns);
                 Seen::firing_if(lasts, || {
-                    format!("the estimator told a fault of the {cause}")
+                    format!("the estimator reported a fault of the {cause}")
                 })
             }
             None => Seen::Clear,
@@ -282,8 +282,8 @@ fn out_of_sync(situation: &Situation<'_>) -> Seen {
     })
 }
 
-/// Only a robot that was sending can have stopped, before or after the service's start; one that is
-/// in maintenance is expected to be silent.
+/// Silence of a robot that was sending before or after the service's start. A robot in maintenance
+/// is expected to be silent.
 fn no_data(situation: &Situation<'_>) -> Seen {
     let connection = &situation.view.connection;
     let maintenance = situation.ledger.shadow.maintenance.as_ref();
@@ -334,7 +334,7 @@ fn drift(situation: &Situation<'_>) -> Seen {
     }
 }
 
-/// The values that a robot has from its factory, or that people brought back, against the estimate.
+/// Compares the estimate with values of the factory or of a return that a person ordered.
 fn uncalibrated(situation: &Situation<'_>) -> Seen {
     let view = situation.view;
     if situation.ledger.uses_approved() || view.state == RobotState::Changed {
@@ -354,8 +354,8 @@ fn parts_away(parts: &str) -> String {
     format!("{parts} away from what the robot uses")
 }
 
-/// Whether the robot has sent nothing for so long that its estimate is no longer of now. A gap of
-/// seconds, as a radio link has them, is none.
+/// True if the robot has sent nothing for so long that its estimate is out of date. Gaps of
+/// seconds, as of a radio link, do not count.
 fn is_silent(situation: &Situation<'_>) -> bool {
     let connection = &situation.view.connection;
     let pending_ns = situation.policy.periods(AlertKind::Drift).pending_ns;
@@ -366,15 +366,15 @@ fn is_silent(situation: &Situation<'_>) -> bool {
 }
 
 enum Compared {
-    /// At least one parameter is significantly too far away; which and how far, in words.
+    /// Parameters that are significantly too far away, described.
     Far(String),
-    /// All four are known, and none is.
+    /// All four parameters known, and within their limits.
     Near,
-    /// None is, but not all are known.
+    /// Known parameters within their limits, and some unknown.
     NotYet,
 }
 
-/// Holds the present estimate against what the robot uses.
+/// Compares the present estimate with the values in use.
 fn compared(situation: &Situation<'_>) -> Compared {
     let view = situation.view;
     let nominal = view
@@ -393,7 +393,7 @@ fn compared(situation: &Situation<'_>) -> Compared {
     }
 }
 
-/// Holds the parameters that are known against what the robot uses.
+/// Compares the known parameters with the values in use.
 fn compare(
     used: &CalibrationValues,
     estimate: &EstimateDocument,
@@ -437,7 +437,7 @@ fn compare(
     Compared::Near
 }
 
-/// The parts of a change that are beyond their limits, in words.
+/// Parts of a change beyond their limits, in words.
 fn far_parts(change: &approval::Change, sigma: Option<&[f64; 4]>, limits: &[f64; 4]) -> String {
     const NAMED: [(&str, f64, &str, usize); 4] = [
         ("steering offset", 180.0 / std::f64::consts::PI, "°", 2),

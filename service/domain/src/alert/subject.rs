@@ -5,10 +5,10 @@ use std::fmt;
 use fleetcal_proto::RobotId;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// What stands in the database for the fleet: no robot's id can hold it.
+/// Subject that the database stores for the fleet; no robot's id can equal it.
 const FLEET: &str = "*";
 
-/// What an alert is about: one robot, or several of the fleet at once.
+/// Subject of an alert: one robot, or several of the fleet at once.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Subject {
     /// Several robots, named in the alert.
@@ -26,7 +26,7 @@ impl Subject {
         }
     }
 
-    /// The robot; `None` of the fleet.
+    /// The robot; `None` for the fleet.
     pub const fn robot(&self) -> Option<&RobotId> {
         match self {
             Self::Fleet => None,

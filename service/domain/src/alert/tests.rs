@@ -35,7 +35,7 @@ fn condition(name: ConditionName, since_ns: WallTime) -> Condition {
     }
 }
 
-/// What follows before and after the periods are over.
+/// Expected conditions before and after the periods are over.
 fn expected(was: ConditionName, seen: Observation) -> (ConditionName, ConditionName) {
     use ConditionName as C;
     use Observation as O;
@@ -172,7 +172,7 @@ fn an_acknowledgement_changes_no_condition_and_a_condition_no_acknowledgement() 
     }
 }
 
-/// A robot that sends, is calibrated, and uses what its drawing says.
+/// View of a robot that sends, is calibrated, and uses its drawing's values.
 pub(crate) fn view() -> RobotView {
     let config: RobotConfig = serde_json::from_value(json!({
         "model": "bicycle", "wheelbase_m": 1.2,

@@ -12,8 +12,9 @@ use super::refused::Refused;
 use super::shadow::{Contradicted, Reported, Shadow};
 use super::transition::{DeploymentAction, ShadowAction};
 
-/// How far a robot may be ahead of the records: more calibrations than are approved between two
-/// backups. A robot that names more is not believed, lest it use up the numbers there are.
+/// Largest lead of a robot's generation over the records: more than the calibrations approved
+/// between two backups. A robot that names a higher one is not believed, so that it cannot exhaust
+/// the numbers.
 pub(super) const GENERATIONS_AHEAD_MAX: u64 = 1_000;
 
 impl Draft<'_> {
@@ -49,9 +50,9 @@ impl Draft<'_> {
         Ok(())
     }
 
-    /// The robot names a generation that these records know nothing of: they are older than it is,
-    /// as after a backup was restored. The next approval must come after it, or the robot
-    /// would take it for an old document.
+    /// Records a generation that these records do not know: they are older than the robot, as after
+    /// a backup was restored. The next approval must have a higher one, or the robot would refuse
+    /// it as an old document.
     fn heard_of_later(&mut self, applied: &Applied) -> Result<(), Refused> {
         let last = self.outcome.ledger.shadow.generation_last;
         let most = Generation(last.0.saturating_add(GENERATIONS_AHEAD_MAX));
@@ -65,7 +66,7 @@ impl Draft<'_> {
         Ok(())
     }
 
-    /// The robot answers what it is offered now.
+    /// Records the robot's answer to the present offer.
     fn answer_to_offer(&mut self, before: &Deployment, applied: &Applied) -> Result<(), Refused> {
         use DeploymentState as S;
         let (event, action) = match applied.status {
@@ -86,7 +87,7 @@ impl Draft<'_> {
         Ok(())
     }
 
-    /// Writes down what a robot said, and what it therefore uses.
+    /// Records a robot's answer, and the calibration in use that follows from it.
     fn report(&mut self, applied: &Applied, revision: Option<RevisionId>, confirm: bool) {
         let generation = applied.generation;
         let now = self.standing.now;
@@ -146,7 +147,8 @@ impl Draft<'_> {
         }
     }
 
-    /// What a robot uses that says it has applied something; unknown when nobody can say.
+    /// Updates the calibration in use of a robot that has applied a document; unknown if no record
+    /// has its values.
     fn now_uses(&self, shadow: &mut Shadow, applied: &Applied, revision: Option<RevisionId>) {
         let generation = applied.generation;
         let known = revision.and_then(|id| self.outcome.ledger.revisions.get(&id));
@@ -166,9 +168,10 @@ impl Draft<'_> {
     }
 }
 
-/// Whether a robot's answer and the one before it cannot both be its own: it refused, or could not
-/// use, what it was said to have applied, or the other way round; it applied that at another time; or
-/// it goes on using since before what it was said to have replaced by its factory calibration.
+/// Contradiction between a robot's answer and the one before it, which cannot both be its own: it
+/// refused, or could not use, what it was reported to have applied, or the other way round; it
+/// applied that at another time; or it has been using since before what it was reported to have
+/// replaced by its factory calibration.
 fn contradicts(shadow: &Shadow, answer: &Applied, now: WallTime) -> Option<Contradicted> {
     use AppliedStatus as S;
     let before = shadow.reported.as_ref()?;

@@ -1,4 +1,4 @@
-//! Proposals to people, and their answers.
+//! Proposals to people, and the people's decisions.
 
 use fleetcal_model::{ProposalId, Version};
 use fleetcal_proto::calibration::CalibrationValues;
@@ -14,7 +14,7 @@ use super::transition::ProposalAction;
 use super::values::added;
 use crate::access::Authentication;
 
-/// Farthest from the rear axle that a LiDAR is believed to sit, m.
+/// Farthest distance of a LiDAR from the rear axle that is believed, m.
 const BELIEVED_DISTANCE_MAX_M: f64 = 30.0;
 
 impl Draft<'_> {
@@ -66,7 +66,7 @@ impl Draft<'_> {
         Ok(())
     }
 
-    /// Puts the present estimate in the place of what is proposed.
+    /// Replaces the proposed values by the present estimate.
     pub(super) fn refresh(
         &mut self,
         id: ProposalId,
@@ -113,7 +113,7 @@ impl Draft<'_> {
         Ok(())
     }
 
-    /// What the robot uses, by its own word or else by its drawing.
+    /// Values in use as the robot reported them, or else its drawing's.
     fn base(&self) -> Option<CalibrationValues> {
         let in_use = self.outcome.ledger.shadow.in_use.as_ref();
         let drawing = self.standing.drawing.as_ref();
@@ -121,7 +121,7 @@ impl Draft<'_> {
         in_use.map(|in_use| in_use.values).or_else(drawn)
     }
 
-    /// Nobody approves what the present estimate speaks against.
+    /// Refuses to approve a proposal that the present estimate contradicts.
     fn still_holds(&self, proposal: &Proposal) -> Result<(), Refused> {
         let proposed = self.outcome.ledger.revisions.get(&proposal.revision);
         match proposed.and_then(|one| outdated(one, &self.standing.present)) {
@@ -188,8 +188,8 @@ impl Draft<'_> {
         Ok(())
     }
 
-    /// Adds a step that no person approved to those before it; a person's approval begins again. What
-    /// the robot should use is written down with the deployment.
+    /// Adds a step that the service approved to the sum of such steps; a person's approval resets
+    /// the sum. The deployment records the desired calibration.
     fn count_step(&mut self, proposal: &Proposal, by_service: bool) {
         let ledger = &self.outcome.ledger;
         self.automatic_sum = Some(match ledger.step_of(proposal) {
@@ -198,7 +198,7 @@ impl Draft<'_> {
         });
     }
 
-    /// Ends a proposal otherwise than by approval.
+    /// Closes a proposal other than by approval.
     pub(super) fn close(
         &mut self,
         id: ProposalId,
@@ -231,7 +231,8 @@ impl Draft<'_> {
         Ok(open.clone())
     }
 
-    /// The service itself does not replace what a person rolled the robot back to.
+    /// Refuses the service's own replacement of a calibration that a person rolled the robot back
+    /// to.
     fn nobody_chose(&self) -> Result<(), Refused> {
         let desired = self.outcome.ledger.shadow.desired.as_ref();
         match desired.and_then(|one| Some((one.generation, one.chosen_by.clone()?))) {
@@ -240,7 +241,7 @@ impl Draft<'_> {
         }
     }
 
-    /// The service itself approves nothing for a robot in whose name somebody else may answer.
+    /// Refuses the service's own approval while an answer in the robot's name contradicts another.
     fn nothing_contradicts(&self) -> Result<(), Refused> {
         match &self.outcome.ledger.shadow.contradicted {
             Some(one) => Err(Refused::AnswersContradict {
@@ -262,13 +263,13 @@ impl Draft<'_> {
     }
 }
 
-/// What no robot can have is not even proposed.
+/// Refuses to propose values beyond the policy's limits.
 pub(super) fn within_limits(values: &CalibrationValues, policy: &Policy) -> Result<(), Refused> {
     let steering_rad = policy.steering_offset_max_deg.to_radians();
     within_bounds(values, steering_rad, policy.lidar_distance_max_m)
 }
 
-/// What no vehicle can have is not believed, whatever the policy was when it was approved.
+/// Refuses values that no vehicle can have, whatever the policy was at their approval.
 pub(super) fn believable(values: &CalibrationValues) -> Result<(), Refused> {
     within_bounds(values, std::f64::consts::FRAC_PI_2, BELIEVED_DISTANCE_MAX_M)
 }

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::transition::{Changed, Transition};
 
-/// The record of a transition before and after it, as the audit keeps them.
+/// Record of a transition before and after it, for the audit.
 pub fn audited(transition: &Transition) -> (Option<Value>, Value) {
     fn records<A, R: Serialize>(change: &Changed<A, R>) -> (Option<Value>, Value) {
         (change.before.as_ref().map(json), json(&change.after))
@@ -17,7 +17,7 @@ pub fn audited(transition: &Transition) -> (Option<Value>, Value) {
     }
 }
 
-/// The records hold finite numbers and text, which JSON can carry.
+/// JSON of a record, which holds finite numbers and text only.
 fn json<T: Serialize>(record: &T) -> Value {
     serde_json::to_value(record).unwrap_or(Value::Null)
 }

@@ -11,132 +11,132 @@ use super::revision::{Evidence, Origin};
 use super::second_approver::Drawing;
 use crate::access::Actor;
 
-/// What is asked of one robot's records.
+/// Command on the records of one robot.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Command {
-    /// Ask people for these values. An open proposal of the robot is superseded.
+    /// Propose these values to people. An open proposal of the robot is superseded.
     Propose {
-        /// Where the values come from.
+        /// Origin of the values.
         origin: Origin,
-        /// The values.
+        /// Proposed values.
         values: CalibrationValues,
-        /// Their sigmas.
+        /// Sigmas of the values.
         sigmas: CalibrationValues,
-        /// What they rest on.
+        /// Evidence for the values.
         evidence: Evidence,
-        /// Why.
+        /// Reason for the proposal.
         reason: Option<String>,
     },
     /// Approve a proposal.
     Approve {
-        /// Which.
+        /// Proposal's number.
         proposal: ProposalId,
-        /// The version that was looked at; whatever is there unless given.
+        /// Version that the person read; any unless given.
         version: Option<Version>,
-        /// SHA-256 of the revision that was looked at.
+        /// SHA-256 of the revision that the person read.
         sha256: String,
-        /// Why.
+        /// Reason for the approval.
         reason: Option<String>,
     },
-    /// Say no to a proposal.
+    /// Reject a proposal.
     Reject {
-        /// Which.
+        /// Proposal's number.
         proposal: ProposalId,
-        /// The version that was looked at.
+        /// Version that the person read.
         version: Option<Version>,
-        /// Why; never empty.
+        /// Reason; never empty.
         reason: String,
     },
-    /// Take a proposal back.
+    /// Withdraw a proposal.
     Withdraw {
-        /// Which.
+        /// Proposal's number.
         proposal: ProposalId,
-        /// The version that was looked at.
+        /// Version that the person read.
         version: Option<Version>,
-        /// Why.
+        /// Reason for the withdrawal.
         reason: Option<String>,
     },
-    /// End a proposal whose time is over.
+    /// Close a proposal after its time.
     Expire {
-        /// Which.
+        /// Proposal's number.
         proposal: ProposalId,
     },
-    /// End a proposal that a newer estimate disagrees with.
+    /// Close a proposal that a newer estimate contradicts.
     Supersede {
-        /// Which.
+        /// Proposal's number.
         proposal: ProposalId,
-        /// In words.
+        /// Reason, in words.
         reason: String,
     },
-    /// Put the present estimate in the place of what is proposed: approvals already given are void.
+    /// Replace the proposed values by the present estimate; approvals already given become void.
     Refresh {
-        /// Which.
+        /// Proposal's number.
         proposal: ProposalId,
-        /// The present values.
+        /// Present values.
         values: CalibrationValues,
-        /// Their sigmas.
+        /// Sigmas of the values.
         sigmas: CalibrationValues,
-        /// What they rest on.
+        /// Evidence for the values.
         evidence: Evidence,
-        /// In words.
+        /// Reason, in words.
         reason: String,
     },
-    /// The document of this generation is about to be shown to the robot.
+    /// Offer the document of this generation to the robot: it is about to be sent.
     Offer {
-        /// Its generation.
+        /// Generation of the document.
         generation: Generation,
     },
-    /// The document of this generation was shown to the robot.
+    /// Record that the document of this generation was sent to the robot.
     Offered {
-        /// Its generation.
+        /// Generation of the document.
         generation: Generation,
     },
-    /// The robot's answer.
+    /// Record the robot's answer.
     Acknowledge(Applied),
-    /// The robot was told that its answer about this generation is stored.
+    /// Record that the confirmation of the answer about this generation was sent.
     Confirmed {
-        /// The generation.
+        /// Generation of the answer.
         generation: Generation,
     },
-    /// What a verification estimate says of the values in use.
+    /// Record the verdict of a verification estimate on the values in use.
     Judge {
-        /// The deployment that brought them.
+        /// Deployment that brought the values.
         deployment: DeploymentId,
-        /// What it says.
+        /// Verdict with its residual.
         verification: Verification,
     },
     /// End a deployment whose time is over, or that could not be judged.
     GiveUp {
-        /// Which.
+        /// Deployment's number.
         deployment: DeploymentId,
-        /// In words.
+        /// Reason, in words.
         reason: String,
     },
-    /// End a deployment that a newer estimate disagrees with before the robot uses it.
+    /// Void a deployment that a newer estimate contradicts before the robot uses it.
     Void {
-        /// Which.
+        /// Deployment's number.
         deployment: DeploymentId,
-        /// In words.
+        /// Reason, in words.
         reason: String,
     },
-    /// Say that the robot is switched off on purpose until then, or with `None` that it is not.
+    /// Begin maintenance of a robot that is switched off on purpose, or end it with `None`.
     Maintain {
-        /// Until when, ns since 1970, wall time.
+        /// End of the maintenance, ns since 1970, wall time.
         until_ns: Option<WallTime>,
-        /// Why; never empty.
+        /// Reason; never empty.
         reason: String,
     },
-    /// Bring the former values back.
+    /// Roll back to the former values.
     RollBack {
-        /// The version of the shadow that was looked at.
+        /// Version of the shadow that the person read.
         version: Option<Version>,
-        /// Why; never empty.
+        /// Reason; never empty.
         reason: String,
     },
 }
 
 impl Command {
-    /// The version of the record that was looked at, where the command names one.
+    /// Version of the record that the caller read, if the command has one.
     pub fn version(&self) -> Option<Version> {
         match self {
             Self::Approve { version, .. }
@@ -148,23 +148,23 @@ impl Command {
     }
 }
 
-/// What a step is taken with.
+/// Context in which a command is taken.
 #[derive(Debug, Clone)]
 pub struct Standing<'a> {
-    /// The rules.
+    /// Policy of approvals.
     pub policy: &'a Policy,
-    /// What documents are signed with.
+    /// Key that signs documents.
     pub key: &'a SigningKey,
-    /// Who asks.
+    /// Originator of the command.
     pub actor: &'a Actor,
     /// Wall time.
     pub now: WallTime,
-    /// Whether the deployment freeze is on.
+    /// True if the deployment freeze is on.
     pub frozen: bool,
-    /// Where the robot's rear axle is in its `base_link`, where that is configured.
+    /// Pose of the rear axle in the robot's `base_link`, if configured.
     pub rear_axle_in_base_link: Option<Pose2>,
-    /// The robot's drawing, where one is configured.
+    /// Drawing of the robot, if configured.
     pub drawing: Option<Drawing>,
-    /// What the estimator says at this moment: nobody approves what it speaks against.
+    /// Present estimate, against which an approval is checked.
     pub present: Present,
 }

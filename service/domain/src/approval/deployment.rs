@@ -1,4 +1,4 @@
-//! Bringing a revision to one robot.
+//! Deployment of a revision to one robot.
 
 use fleetcal_model::{DeploymentId, ProposalId, Version, WallTime};
 use fleetcal_proto::RobotId;
@@ -8,74 +8,76 @@ use serde::{Deserialize, Serialize};
 use super::generation::{GenerationRef, InUse};
 use super::values::Change;
 
-/// Where a deployment stands.
+/// State of a deployment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum DeploymentState {
-    /// Approved, and not yet where a robot could see it.
+    /// Approved, and not offered to the robot yet.
     Queued,
-    /// The robot may take it at any moment.
+    /// Offered to the robot, which may apply it at any moment.
     Offered,
-    /// The robot uses it, and that is stored.
+    /// Applied by the robot, whose answer is stored.
     Applied,
-    /// The robot was told so, and drives in verification.
+    /// In verification, after the robot received the confirmation.
     Verifying,
-    /// A verification estimate agrees with what the robot uses.
+    /// Verified: a verification estimate agrees with the values in use.
     Verified,
-    /// The robot did not drive enough to tell.
+    /// Inconclusive: the robot drove too little for a verdict.
     Inconclusive,
-    /// The robot would not use it.
+    /// Refused by the robot.
     Refused,
-    /// The robot could not use it, or went back by itself.
+    /// Failed at the robot, or reverted by it.
     Failed,
-    /// No robot took it in time.
+    /// Timed out without a robot's answer.
     TimedOut,
-    /// It was taken back before any robot could see it.
+    /// Withdrawn before the robot had applied it.
     Withdrawn,
-    /// The former values are on their way to the robot.
+    /// Rolling back: the former values are offered to the robot.
     RollingBack,
-    /// The robot uses the former values again.
+    /// Rolled back: the robot uses the former values again.
     RolledBack,
-    /// The robot did not take the former values: somebody has to go there.
+    /// Roll-back failed: the robot did not apply the former values, and somebody must go to it.
     RollbackFailed,
-    /// A person rolled the robot back to these values and the verification estimate disagrees: the
-    /// robot keeps them until people decide otherwise.
+    /// Kept: a person rolled the robot back to these values, the verification estimate disagrees,
+    /// and the robot keeps them until people decide otherwise.
     Kept,
 }
 
-/// What can happen to a deployment.
+/// Event of a deployment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum DeploymentEvent {
-    /// It is about to be shown to the robot.
+    /// Offer to the robot is about to be sent.
     Offer,
-    /// The robot says that it uses what is offered.
+    /// Robot reports the offered calibration as applied.
     Applied,
-    /// The robot will not use what is offered.
+    /// Robot refuses the offered calibration.
     Refused,
-    /// The robot could not use what is offered.
+    /// Robot could not apply the offered calibration.
     Failed,
-    /// The robot went back by itself.
+    /// Robot reverted to its former calibration by itself.
     Reverted,
-    /// The robot was told that its answer is stored.
+    /// Confirmation of its answer was sent to the robot.
     Confirmed,
-    /// A verification estimate agrees.
+    /// Verification estimate agrees.
     Verified,
-    /// A verification estimate disagrees, and a person decides what follows.
+    /// Verification estimate disagrees, and a person decides the next step.
     VerificationFailed,
-    /// A verification estimate disagrees with values that a person rolled the robot back to.
+    /// Verification estimate disagrees with values that a person rolled the robot back to.
     Contradicted,
-    /// There was too little motion to tell.
+    /// Motion was too little for a verdict.
     TooLittleMotion,
-    /// Its time is over.
+    /// Time of the deployment is over.
     TimeOut,
-    /// The former values shall come back.
+    /// Roll-back to the former values is ordered.
     RollBack,
+    /// Withdrawal is ordered: the robot keeps the calibration in use.
+    Withdraw,
 }
 
 impl DeploymentEvent {
-    /// All of them.
-    pub const ALL: [Self; 12] = [
+    /// Every event.
+    pub const ALL: [Self; 13] = [
         Self::Offer,
         Self::Applied,
         Self::Refused,
@@ -88,11 +90,12 @@ impl DeploymentEvent {
         Self::TooLittleMotion,
         Self::TimeOut,
         Self::RollBack,
+        Self::Withdraw,
     ];
 }
 
 impl DeploymentState {
-    /// All of them.
+    /// Every state.
     pub const ALL: [Self; 14] = [
         Self::Queued,
         Self::Offered,
@@ -130,13 +133,13 @@ impl DeploymentState {
         }
     }
 
-    /// The state of this name.
+    /// Parses the name of a state.
     pub fn parse(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.as_str() == name)
     }
 
-    /// State of what an ended deployment brought, once a person has had it taken back by another one
-    /// that stands so. What the robot would not take back stays.
+    /// State of an ended deployment after a person ordered a return to earlier values that now
+    /// stands at `returned`. States that the robot did not return from stay.
     const fn taken_back_by(self, returned: Self) -> Self {
         if !matches!(self, Self::Verified | Self::Inconclusive) {
             return self;
@@ -156,7 +159,7 @@ impl DeploymentState {
         }
     }
 
-    /// Whether it can still change; a robot has at most one of these.
+    /// True if it can still change; a robot has at most one such deployment.
     pub const fn is_live(self) -> bool {
         matches!(
             self,
@@ -165,93 +168,92 @@ impl DeploymentState {
     }
 }
 
-/// Why former values came back to a robot. Kept with the deployment, whatever follows.
+/// Roll-back of a robot to former values. Kept with the deployment, whatever follows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct RollBack {
-    /// Who asked for it: a person, or the service.
+    /// Person who ordered it, or the service.
     pub by: String,
-    /// Whether the service did it by itself.
+    /// True if the service ordered it.
     pub automatic: bool,
-    /// When, ns since 1970, wall time.
+    /// Time of the order, ns since 1970, wall time.
     pub at_ns: WallTime,
-    /// Why.
+    /// Reason for the roll-back.
     pub reason: String,
-    /// The values that come back, absolute.
+    /// Restored values, absolute.
     pub values: CalibrationValues,
 }
 
-/// What a verification estimate said of the values in use.
+/// Verdict of a verification estimate on the values in use.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Verification {
-    /// When it was judged, ns since 1970, wall time.
+    /// Time of the verdict, ns since 1970, wall time.
     pub at_ns: WallTime,
-    /// Distance driven since the values are in use, m.
+    /// Distance driven with the values in use, m.
     pub distance_m: f64,
-    /// What is left: verification estimate less values in use; rad, m, m, rad.
+    /// Residual: verification estimate minus values in use; rad, m, m, rad.
     #[cfg_attr(feature = "openapi", schema(value_type = [f64; 4]))]
     pub residual: Change,
     /// Sigmas of the verification estimate, in the same order.
     #[cfg_attr(feature = "openapi", schema(value_type = [f64; 4]))]
     pub sigma: [f64; 4],
-    /// Whether the residual with twice its sigma is inside the tolerance.
+    /// True if the residual with twice its sigma is inside the tolerance.
     pub within: bool,
 }
 
-/// A revision on its way to one robot.
+/// Deployment of a revision to one robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Deployment {
-    /// Its number.
+    /// Number of the deployment.
     pub id: DeploymentId,
-    /// To which robot.
+    /// Robot that receives it.
     pub robot: RobotId,
-    /// Goes up with every change of it.
+    /// Version, incremented with every change.
     pub version: Version,
-    /// Where it stands.
+    /// State of the deployment.
     pub state: DeploymentState,
-    /// The proposal that was approved; `None` for a return to an earlier calibration.
+    /// Approved proposal; `None` for a return to an earlier calibration.
     pub proposal: Option<ProposalId>,
-    /// Who approved it, or asked for the return.
+    /// Person who approved it, or ordered the return.
     pub approved_by: String,
-    /// What the robot is to hold now: the approved document, or while it rolls back the one with
-    /// the former values.
+    /// Present offer: the approved document, or during a roll-back the one with the former values.
     pub offer: GenerationRef,
-    /// What was offered before it was rolled back.
+    /// Documents offered before the roll-back.
     pub earlier: Vec<GenerationRef>,
-    /// What the robot used before; `None` when nobody knew.
+    /// Calibration in use before; `None` if unknown.
     pub base: Option<InUse>,
-    /// What the robot should hold if this comes to nothing.
+    /// Desired calibration if this deployment fails.
     pub desired_before: Option<GenerationRef>,
-    /// When it was approved, ns since 1970, wall time.
+    /// Time of the approval, ns since 1970, wall time.
     pub created_ns: WallTime,
-    /// When it ends by itself if no robot takes it.
+    /// Time at which it ends unless the robot applies it.
     pub expires_ns: WallTime,
-    /// When it was first shown to the robot.
+    /// Time of the first offer to the robot.
     pub offered_ns: Option<WallTime>,
-    /// When the robot's answer was stored.
+    /// Time at which the robot's answer was stored.
     pub applied_ns: Option<WallTime>,
-    /// When it ended.
+    /// Time at which it ended.
     pub closed_ns: Option<WallTime>,
-    /// The latest verdict on it.
+    /// Latest verdict of a verification.
     pub verification: Option<Verification>,
-    /// Why it stands where it stands, in words.
+    /// Reason for its state, in words.
     pub reason: Option<String>,
-    /// Who rolled the robot back, why, and to which values.
+    /// Roll-back of the robot: who ordered it, why, and the restored values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub roll_back: Option<RollBack>,
 }
 
 impl Deployment {
-    /// Whether a person rolled the robot back to it while nothing else was under way: no proposal
-    /// stands behind it, and only people end it early.
+    /// True if a person rolled the robot back to it while nothing else was under way: it has no
+    /// proposal, and only people end it early.
     pub const fn is_return(&self) -> bool {
         self.proposal.is_none()
     }
 
-    /// State of what it brought to the robot, after the returns to earlier values that people have
-    /// asked for since.
+    /// State of the calibration it brought, after the returns to earlier values that people have
+    /// ordered since.
     pub fn state_after(&self, returns: &[Self]) -> DeploymentState {
         let leaving = returns.iter().filter(|one| {
             let left = one.base.as_ref().and_then(|base| base.revision);

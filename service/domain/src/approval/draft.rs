@@ -1,4 +1,4 @@
-//! A step in the making: the records as they will be, and each change of one.
+//! Draft of a step: the records as they will be, and each change of one.
 
 use std::time::Duration;
 
@@ -15,13 +15,13 @@ use super::shadow::Shadow;
 use super::transition::{Changed, DeploymentAction, ProposalAction, ShadowAction, Transition};
 use super::values::Change;
 
-/// What a step has made so far.
+/// Draft of a step.
 pub(super) struct Draft<'a> {
     pub(super) standing: &'a Standing<'a>,
     pub(super) ids: NextIds,
     pub(super) outcome: Outcome,
-    /// What the sum of automatic steps becomes with the next change of the shadow: nothing, and what
-    /// was contradicted is settled, when a person decides.
+    /// Sum of automatic steps after the next change of the shadow. A person's decision resets it
+    /// and settles a contradiction.
     pub(super) automatic_sum: Option<Change>,
 }
 
@@ -58,7 +58,7 @@ impl<'a> Draft<'a> {
             .ok_or(Refused::NotUnderway(id))
     }
 
-    /// Moves a deployment on and writes it down.
+    /// Applies an event to a deployment and records the change.
     pub(super) fn advance(
         &mut self,
         before: &Deployment,
@@ -80,7 +80,7 @@ impl<'a> Draft<'a> {
         Ok(())
     }
 
-    /// What the end of a deployment leaves the robot with.
+    /// Updates the shadow at the end of a deployment.
     fn settle(&mut self, deployment: &Deployment) {
         use DeploymentState as S;
         let given_up = matches!(
@@ -99,7 +99,7 @@ impl<'a> Draft<'a> {
         }
     }
 
-    /// The service does not propose this again by itself.
+    /// Declines a revision, which the service then does not propose again by itself.
     pub(super) fn decline(&mut self, revision: RevisionId) {
         let mut shadow = self.outcome.ledger.shadow.clone();
         if shadow.declined != Some(revision) {

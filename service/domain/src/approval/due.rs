@@ -14,48 +14,48 @@ use super::proposal::Proposal;
 use super::revision::{Evidence, Origin};
 use super::values::{added, difference, exceeds, exceeds_significantly, four, values_and_sigmas};
 
-/// How the robot stands beside its records.
+/// State of the robot beside its records.
 #[derive(Debug, Clone, Copy)]
 pub struct Situation<'a> {
     /// Wall time.
     pub now: WallTime,
-    /// The latest estimate, if its vehicle is the one that was calibrated.
+    /// Latest estimate, if its vehicle is the one that was calibrated.
     pub estimate: Option<&'a EstimateDocument>,
-    /// True if somebody has reported a reassembly, and the calibration is not known again since.
+    /// True if a reassembly was reported, and the calibration is not known again since.
     pub reassembly_open: bool,
-    /// Whether the vehicle is no longer the one that was calibrated, and not known again yet.
+    /// True if the vehicle is no longer the one that was calibrated, and not known again yet.
     pub vehicle_changed: bool,
-    /// Whether that estimate has stood still for [`Policy::stable_for_s`].
+    /// True if that estimate has been stable for [`Policy::stable_for_s`].
     pub stable: bool,
-    /// An estimate from nothing but what came since the values in use were applied.
+    /// Verification estimate: from the data since the values in use were applied.
     pub verification: Option<&'a EstimateDocument>,
-    /// What the robot uses if it has never said so.
+    /// Values in use of a robot that has never reported them.
     pub nominal: Option<CalibrationValues>,
 }
 
-/// What a verification estimate says of the values in use.
+/// Verdict of a verification estimate on the values in use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verdict {
-    /// It cannot tell yet.
+    /// Undecided yet.
     NotYet,
-    /// They are inside, or outside, of the tolerance at `VERIFY_SIGMAS`.
+    /// Inside or outside the tolerance at `VERIFY_SIGMAS`.
     Known(Verification),
 }
 
-/// Sigmas of the verification estimate that have to fit beside the difference.
+/// Multiple of the verification estimate's sigma that must fit beside the difference.
 ///
-/// At two, values that are outside of the tolerance in truth pass with a probability of 2.3 % at
-/// most, values that are inside fail with the same, and both verdicts are drawn by one rule. One
-/// sigma would pass 16 %; three would leave robots verifying whose uncertainty is a third of the
-/// tolerance, which is as sharp as the LiDAR's position gets within the first 100 m.
+/// At two, values outside the tolerance pass with a probability of 2.3 % at most, and values inside
+/// it fail with the same one: both verdicts follow one rule. One sigma would pass 16 %; three would
+/// leave robots verifying whose uncertainty is a third of the tolerance, which is as sharp as the
+/// LiDAR's position gets within the first 100 m.
 const VERIFY_SIGMAS: f64 = 2.0;
 
-/// Judges the values in use by a verification estimate, part by part of the difference `d` with the
+/// Judges the values in use by a verification estimate, each part of the difference `d` with the
 /// estimate's `sigma` against the tolerance `T`:
 ///
 /// 1. verified when `|d| + k sigma <= T` for all of them,
 /// 2. failed when `|d| - k sigma > T` for one of them,
-/// 3. otherwise more motion has to tell; `k` is `VERIFY_SIGMAS`.
+/// 3. undecided until more motion otherwise; `k` is `VERIFY_SIGMAS`.
 pub fn judge(
     in_use: &CalibrationValues,
     verification: &EstimateDocument,
@@ -91,7 +91,7 @@ pub fn judge(
     })
 }
 
-/// The command that is due, if any. Each ends or begins something, so that it is not due again.
+/// Command that is due, if any. Each changes the records, so that it is due once.
 pub fn due(ledger: &RobotLedger, situation: &Situation<'_>, policy: &Policy) -> Option<Command> {
     if let Some(live) = &ledger.live {
         return deployment_due(ledger, live, situation, policy);
@@ -106,7 +106,7 @@ pub fn due(ledger: &RobotLedger, situation: &Situation<'_>, policy: &Policy) -> 
 }
 
 impl Situation<'_> {
-    /// What the estimator says at this moment.
+    /// Present estimate of the robot.
     fn present(&self) -> Present {
         if self.reassembly_open {
             return Present::Reassembled;
@@ -121,8 +121,8 @@ impl Situation<'_> {
     }
 }
 
-/// Refreshes or closes a proposal that the present estimate speaks against, at most once in
-/// [`REFRESH_EVERY_NS`], and only by an estimate that has stood still.
+/// Refreshes or closes a proposal that the present estimate contradicts, at most once in
+/// [`REFRESH_EVERY_NS`], and only by a stable estimate.
 fn brought_up_to_date(
     ledger: &RobotLedger,
     open: &Proposal,
@@ -160,7 +160,8 @@ fn brought_up_to_date(
     })
 }
 
-/// Whether an estimate differs from some values by so much, and so significantly, that it is proposed.
+/// True if an estimate differs from some values by enough, and significantly enough, to be
+/// proposed.
 fn differs(
     from: &CalibrationValues,
     values: &CalibrationValues,
@@ -172,7 +173,7 @@ fn differs(
     exceeds_significantly(&change, &limits, &four(sigmas), policy.propose_sigmas)
 }
 
-/// The approval of an open proposal that needs no person, where the policy has one.
+/// Automatic approval of an open proposal, if the policy permits it.
 pub fn automatic(ledger: &RobotLedger, policy: &Policy) -> Option<Command> {
     let within = policy.approve_within?;
     let open = ledger.open.as_ref()?;
@@ -268,7 +269,7 @@ fn verification_due(
     })
 }
 
-/// Why the latest estimate speaks against a revision of the estimator's.
+/// Reason for which the latest estimate contradicts a revision of the estimator's.
 fn disagreement(
     ledger: &RobotLedger,
     revision: RevisionId,

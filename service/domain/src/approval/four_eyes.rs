@@ -1,10 +1,10 @@
-//! Number of approvers, by how far a change goes from what people here vouch for.
+//! Number of approvers, by the distance of a change from values that people here vouch for.
 //!
-//! 1. A change is measured from what was last approved here for its robot; before any approval from
-//!    the drawing. What a robot reports of itself is measured as well, so that it makes a change
-//!    larger and never smaller.
-//! 2. A drawing measures nothing for whoever gave it: of those who propose and approve, nobody moves
-//!    the mark that their own change is measured from.
+//! 1. A change is measured from the last calibration approved here for its robot; before any
+//!    approval from the drawing. It is also measured from the values that the robot reports, which
+//!    make it larger and never smaller.
+//! 2. A drawing does not count for its author: nobody who proposes or approves moves the mark that
+//!    their own change is measured from.
 //! 3. With nothing to measure from, the change is as large as any.
 
 use super::draft::Draft;
@@ -15,8 +15,8 @@ use super::second_approver::SecondApprover;
 use super::values::{difference, differs_beside, exceeds};
 
 impl RobotLedger {
-    /// What people here vouch for: what they last approved, or what was verified. A return to what a
-    /// robot has said of itself is neither until it is verified.
+    /// Revision that people here vouch for: the last one approved, or verified. A return to values
+    /// that a robot has reported of itself counts once it is verified.
     fn vouched(&self) -> Option<&Revision> {
         let revision = |id| self.revisions.get(id);
         let desired = self.shadow.desired.iter();
@@ -31,14 +31,15 @@ impl RobotLedger {
 }
 
 impl Draft<'_> {
-    /// Who gave the drawing that changes of this robot are measured from now.
+    /// Author of the drawing that changes of this robot are measured from now.
     pub(super) fn drawn_by(&self) -> Option<String> {
         let drawing = self.standing.drawing.as_ref();
         let measures = self.outcome.ledger.vouched().is_none();
         drawing.filter(|_| measures)?.by.clone()
     }
 
-    /// Why a change that `involved` propose and approve needs a second approver, if it does.
+    /// Reason for which a change that `involved` propose and approve needs a second approver, if
+    /// any.
     pub(super) fn second_approver(
         &self,
         to: &Revision,
@@ -71,8 +72,9 @@ impl Draft<'_> {
         }
     }
 
-    /// Why a proposal needs a second approver when `by` approves it now: the rules, what the robot
-    /// uses and its drawing may have changed since it was made, but it never needs fewer.
+    /// Reason for which a proposal needs a second approver when `by` approves it now. The rules,
+    /// the values in use and the drawing may have changed since it was made, but it never needs
+    /// fewer.
     pub(super) fn second_approver_now(
         &self,
         proposal: &Proposal,

@@ -7,19 +7,19 @@ use super::revision::Revision;
 use super::values::{difference, four};
 use crate::robot::CrossTrack;
 
-/// Cross-track errors that a robot has to have reported with the values in use: half a minute of
-/// one that reports every second, which is some 25 m of driving.
+/// Fewest cross-track errors reported with the values in use: half a minute of a robot that reports
+/// every second, which is some 25 m of driving.
 const ERRORS_MIN: u64 = 30;
 
-/// Cross-track error with the values in use, and what is expected of it with the proposed ones.
+/// Cross-track error with the values in use, and its expectation with the proposed ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExpectedGain {
-    /// Root mean square as the robot reported it with the values in use, m.
+    /// Root mean square that the robot reported with the values in use, m.
     pub measured_rms_m: f64,
-    /// Root mean square that is expected with the proposed values when all that lasts comes from the
+    /// Expected root mean square with the proposed values if all lasting errors come from the
     /// calibration, m.
     pub expected_rms_m: f64,
-    /// The same when nothing comes from it but the mean, m.
+    /// Expected root mean square if of these only the mean comes from it, m.
     pub expected_rms_max_m: f64,
 }
 

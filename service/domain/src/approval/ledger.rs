@@ -1,4 +1,4 @@
-//! The records of one robot that can still change, and what a step makes of them.
+//! Records of one robot that can still change, and the outcome of a step on them.
 
 use std::collections::BTreeMap;
 
@@ -14,23 +14,23 @@ use super::shadow::Shadow;
 use super::transition::Transition;
 use super::values::{Change, difference};
 
-/// The records of one robot that can still change.
+/// Records of one robot that can still change.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobotLedger {
     /// Desired and reported state.
     pub shadow: Shadow,
-    /// The proposal that waits, if any.
+    /// Open proposal, if any.
     pub open: Option<Proposal>,
     /// The deployment under way, if any.
     pub live: Option<Deployment>,
-    /// The document that a robot's answer is about, which the records above may not name any more.
+    /// Document of a robot's answer, which the records above may no longer name.
     pub answered: Option<GenerationRef>,
-    /// Every revision that these name.
+    /// Every revision that these records name.
     pub revisions: BTreeMap<RevisionId, Revision>,
 }
 
 impl RobotLedger {
-    /// A robot for which nothing was ever proposed.
+    /// Records of a robot for which nothing was ever proposed.
     pub fn new(robot: RobotId) -> Self {
         Self {
             shadow: Shadow::new(robot),
@@ -41,7 +41,7 @@ impl RobotLedger {
         }
     }
 
-    /// The signed document of a generation, where the records name it.
+    /// Signed document of a generation, if the records name it.
     pub(super) fn reference(&self, generation: Generation) -> Option<&GenerationRef> {
         let live = self.live.iter();
         let offers = live.flat_map(|live| {
@@ -54,8 +54,8 @@ impl RobotLedger {
         named.find(|one| one.generation == generation)
     }
 
-    /// True if the robot uses values that were approved for it: neither its factory calibration, even
-    /// where that came back to it, nor what a person rolled it back to.
+    /// True if the robot uses values approved for it: neither its factory calibration, even if
+    /// restored, nor values that a person rolled it back to.
     pub fn uses_approved(&self) -> bool {
         let in_use = self.shadow.in_use.as_ref();
         let Some(in_use) = in_use.filter(|one| !one.generation.is_factory()) else {
@@ -67,13 +67,13 @@ impl RobotLedger {
         !is_chosen && revision.is_none_or(|revision| revision.origin != Origin::Robot)
     }
 
-    /// What the robot uses, where it was approved here.
+    /// Revision in use, if it was approved here.
     pub(super) fn revision_in_use(&self) -> Option<&Revision> {
         self.revisions.get(&self.shadow.in_use.as_ref()?.revision?)
     }
 
-    /// How far a proposal goes from what the robot should use; of a robot for which nothing was
-    /// approved yet, from what it uses. What robots say of themselves makes no step smaller.
+    /// Step of a proposal from the desired values; before any approval, from the values in use.
+    /// Values that robots report of themselves make no step smaller.
     pub(super) fn step_of(&self, proposal: &Proposal) -> Option<Change> {
         let to = self.revisions.get(&proposal.revision)?;
         let desired = self.shadow.desired.as_ref();
@@ -82,7 +82,7 @@ impl RobotLedger {
         Some(difference(&from, &to.values))
     }
 
-    /// The revisions that the records name.
+    /// Revisions that the records name.
     pub fn named_revisions(&self) -> Vec<RevisionId> {
         let shadow = &self.shadow;
         let mut ids: Vec<RevisionId> = shadow.verified.iter().map(|one| one.revision).collect();
@@ -104,45 +104,45 @@ impl RobotLedger {
     }
 }
 
-/// The numbers that new records get.
+/// Numbers of the next records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NextIds {
-    /// Of the next revision.
+    /// Number of the next revision.
     pub revision: RevisionId,
-    /// Of the next proposal.
+    /// Number of the next proposal.
     pub proposal: ProposalId,
-    /// Of the next deployment.
+    /// Number of the next deployment.
     pub deployment: DeploymentId,
 }
 
-/// Something to be sent to the robot, kept until it was.
+/// Message to the robot, kept until it is sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum OutboxEntry {
-    /// The approved document of this generation.
+    /// Approved document of this generation.
     Approved(Generation),
-    /// That the answer about this generation is stored.
+    /// Confirmation that the answer about this generation is stored.
     Confirmed(Generation),
 }
 
-/// What a step leaves, to be written in one transaction.
+/// Outcome of a step, to be written in one transaction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// The robot's records afterwards.
+    /// Records of the robot afterwards.
     pub ledger: RobotLedger,
-    /// Revisions that are new.
+    /// New revisions.
     pub revisions: Vec<Revision>,
-    /// Proposals that are new or changed.
+    /// New or changed proposals.
     pub proposals: Vec<Proposal>,
-    /// Deployments that are new or changed.
+    /// New or changed deployments.
     pub deployments: Vec<Deployment>,
-    /// Whether the shadow changed.
+    /// True if the shadow changed.
     pub shadow_changed: bool,
-    /// Documents that were signed, with their generations.
+    /// Signed documents, with their generations.
     pub envelopes: Vec<(Generation, Envelope)>,
-    /// What to send.
+    /// Messages to send.
     pub outbox: Vec<OutboxEntry>,
-    /// What was sent and need not be kept any more.
+    /// Message that was sent and need not be kept.
     pub sent: Option<OutboxEntry>,
-    /// One for each change of a record.
+    /// Transitions, one for each change of a record.
     pub transitions: Vec<Transition>,
 }

@@ -5,10 +5,10 @@ use super::proposal::{ProposalEvent, ProposalState};
 use super::refused::Refused;
 
 impl ProposalState {
-    /// The state after an event.
+    /// State after an event.
     ///
     /// # Errors
-    /// [`Refused::ProposalClosed`] for every event once it is decided.
+    /// [`Refused::ProposalClosed`] for every event once the proposal is decided.
     pub fn after(self, event: ProposalEvent) -> Result<Self, Refused> {
         match (self, event) {
             (Self::Proposed, ProposalEvent::ApproveInPart | ProposalEvent::Refresh) => {
@@ -25,10 +25,10 @@ impl ProposalState {
 }
 
 impl DeploymentState {
-    /// The state after an event.
+    /// State after an event.
     ///
     /// # Errors
-    /// [`Refused::Deployment`] when the event does not fit.
+    /// [`Refused::Deployment`] if the event does not fit the state.
     pub fn after(self, event: DeploymentEvent) -> Result<Self, Refused> {
         use DeploymentEvent as E;
         match (self, event) {
@@ -45,8 +45,7 @@ impl DeploymentState {
             (Self::Verifying, E::Contradicted) => Ok(Self::Kept),
             (Self::Verifying, E::TooLittleMotion) => Ok(Self::Inconclusive),
             (Self::Queued | Self::Offered, E::TimeOut) => Ok(Self::TimedOut),
-            // Nobody has seen it: there is nothing to bring back.
-            (Self::Queued, E::RollBack) => Ok(Self::Withdrawn),
+            (Self::Queued | Self::Offered, E::Withdraw) => Ok(Self::Withdrawn),
             (Self::Offered | Self::Applied | Self::Verifying | Self::RollingBack, E::RollBack) => {
                 Ok(Self::RollingBack)
             }

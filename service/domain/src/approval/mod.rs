@@ -1,11 +1,12 @@
-//! From estimate to robot: what is proposed, approved, offered, applied and proven.
+//! Approval: proposals, decisions, offers, answers and verification on the way from estimate to
+//! robot.
 //!
-//! Pure: no clock, no database, no wire. Four records, never one status column: a [`Revision`] is
-//! what was found, a [`Proposal`] asks people for it, a [`Deployment`] brings it to one robot, and
-//! the [`Shadow`] says what the robot should use and what it reported. A [`RobotLedger`] holds
-//! those of one robot that can still change; [`step`] takes a [`Command`] and gives the records
-//! again, with one [`Transition`] for each change, or refuses and changes nothing. [`due`] says
-//! which command time and the estimates ask for.
+//! Pure: no clock, no database, no wire. Four records, never one status column: a [`Revision`]
+//! holds values with their evidence, a [`Proposal`] presents them to people, a [`Deployment`]
+//! brings them to one robot, and the [`Shadow`] holds the robot's desired and reported calibration.
+//! A [`RobotLedger`] has those of one robot that can still change; [`step`] applies a [`Command`]
+//! to it and returns the new records, with one [`Transition`] for each change, or refuses and
+//! changes nothing. [`due`] returns the command that time or an estimate makes due.
 
 mod answer;
 mod ask;

@@ -3,16 +3,16 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// How much of something is accepted, for each kind of value.
+/// Tolerance for each kind of value.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Tolerance {
-    /// Of the steering offset, degrees.
+    /// Tolerance of the steering offset, degrees.
     pub steering_offset_deg: f64,
-    /// Of the LiDAR's heading, degrees.
+    /// Tolerance of the LiDAR's heading, degrees.
     pub lidar_yaw_deg: f64,
-    /// Of the LiDAR's position along x and along y, mm.
+    /// Tolerance of the LiDAR's position along x and along y, mm.
     pub lidar_position_mm: f64,
 }
 
@@ -25,7 +25,7 @@ impl Tolerance {
         }
     }
 
-    /// In the order and the units of [`super::Change`]: rad, m, m, rad.
+    /// Limits in the order and the units of [`super::Change`]: rad, m, m, rad.
     pub fn limits(&self) -> [f64; 4] {
         let position_m = self.lidar_position_mm / 1e3;
         [
@@ -55,15 +55,15 @@ impl Tolerance {
     }
 }
 
-/// Why a policy was refused: a key of it, its value and what is expected.
+/// Reason for which a policy was refused: a key, its value and the accepted values.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("approval.{key}: got {got}, expected {expected}")]
 pub struct PolicyRefused {
-    /// The key in `[approval]`, `verify_within.lidar_yaw_deg`.
+    /// Key in `[approval]`, such as `verify_within.lidar_yaw_deg`.
     pub key: String,
-    /// Its value.
+    /// Value of the key.
     pub got: String,
-    /// What is accepted, in words.
+    /// Accepted values, in words.
     pub expected: String,
 }
 
@@ -72,38 +72,40 @@ pub struct PolicyRefused {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Policy {
-    /// Whether the service proposes by itself what it has found.
+    /// True if the service proposes estimates by itself.
     pub propose: bool,
-    /// Proposed when it differs from what the robot uses by more than this.
+    /// Smallest difference from the values in use that is proposed.
     pub propose_beyond: Tolerance,
-    /// And by more than so many sigmas.
+    /// Smallest difference that is proposed, in sigmas.
     pub propose_sigmas: f64,
-    /// And when it stood still within half of that for so long, s of message time.
+    /// Time for which an estimate must be stable within half of `propose_beyond` before it is
+    /// proposed, s of message time.
     pub stable_for_s: f64,
-    /// Approved without a person when the change is within this; never unless given.
+    /// Largest change that is approved without a person; none is unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub approve_within: Option<Tolerance>,
-    /// A change beyond this needs two approvers.
+    /// Largest change that one person may approve; beyond it, two must.
     pub two_approvers_beyond: Tolerance,
-    /// Steering offsets beyond this are refused, degrees to either side.
+    /// Largest accepted steering offset, degrees to either side.
     pub steering_offset_max_deg: f64,
-    /// A LiDAR farther than this from the rear axle is refused, m along x and along y.
+    /// Largest accepted distance of a LiDAR from the rear axle, m along x and along y.
     pub lidar_distance_max_m: f64,
-    /// A proposal expires after so long, and a deployment that no robot has taken, s.
+    /// Time after which an undecided proposal expires, or a deployment that no robot has applied,
+    /// s.
     pub expires_after_s: u32,
-    /// A robot that hears no confirmation for so long after applying goes back by itself, s.
+    /// Time after applying within which a robot must receive the confirmation, or it reverts by
+    /// itself, s.
     pub confirm_within_s: u32,
-    /// The service's word that a document is wanted ends after so long, s; each answer to a robot has a
-    /// new one.
+    /// Duration for which an offer is valid, s; each answer to a robot has a new one.
     pub offer_valid_s: u32,
-    /// Verified when what the robot now drives with differs from a verification estimate by less than
-    /// this, twice the estimate's sigma included.
+    /// Largest difference between the values in use and a verification estimate that passes
+    /// verification, twice the estimate's sigma included.
     pub verify_within: Tolerance,
-    /// Which is judged after so much driving, m.
+    /// Driven distance after which values in use are verified, m.
     pub verify_after_m: f64,
-    /// Inconclusive when that was not possible for so long, s.
+    /// Time after which an undecided verification is inconclusive, s.
     pub verify_within_s: u32,
-    /// Whether a calibration that fails its verification is rolled back without a person.
+    /// True if a calibration that fails its verification is rolled back automatically.
     pub roll_back: bool,
 }
 
@@ -130,7 +132,7 @@ impl Default for Policy {
 }
 
 impl Policy {
-    /// Whether its numbers can be worked with.
+    /// Checks its numbers.
     ///
     /// # Errors
     /// One sentence that names the key, the value and what is accepted.

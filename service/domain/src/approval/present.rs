@@ -1,4 +1,4 @@
-//! The present estimate beside a proposal: whether what is proposed still holds.
+//! Present estimate beside a proposal, which may be outdated by it.
 
 use std::fmt;
 
@@ -7,45 +7,45 @@ use fleetcal_proto::calibration::CalibrationValues;
 use super::revision::{Origin, Revision};
 use super::values::{difference, four};
 
-/// Farther than so many sigmas from the present estimate, a proposal is outdated.
+/// Distance from the present estimate beyond which a proposal is outdated, in sigmas.
 const OUTDATED_SIGMAS: f64 = 3.0;
-/// A proposal is refreshed at most this often, ns: whoever reads it can finish reading.
+/// Shortest time between two refreshes of a proposal, ns, so that a reader can finish.
 pub(super) const REFRESH_EVERY_NS: i64 = 60 * 1_000_000_000;
 
-/// What the estimator says of a robot at this moment.
+/// Present estimate of a robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Present {
-    /// Nothing that a proposal could be held against.
+    /// Estimate unavailable.
     Unknown,
-    /// Somebody has reported a reassembly, and nothing is known again since.
+    /// Reassembly reported, and the calibration not known again since.
     Reassembled,
-    /// The vehicle is no longer the one that was calibrated, and its values are not known yet.
+    /// Vehicle changed since it was calibrated, and its new values not known yet.
     VehicleChanged,
-    /// These values.
+    /// Known values.
     Known {
-        /// The values.
+        /// Estimated values.
         values: CalibrationValues,
-        /// Their standard deviations.
+        /// Standard deviations of the values.
         sigmas: CalibrationValues,
     },
 }
 
-/// Why a proposal does not hold any more.
+/// Reason for which a proposal is outdated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outdated {
-    /// The robot was reassembled, and its calibration is not known again yet.
+    /// Robot reassembled, and its calibration not known again yet.
     Reassembled,
-    /// The vehicle is no longer the one that was calibrated.
+    /// Vehicle changed since it was calibrated.
     VehicleChanged,
-    /// The present estimate is too far from it.
+    /// Present estimate too far from the proposal.
     Moved {
-        /// The value that is farthest from the proposal, in sigmas.
+        /// Value that is farthest from the proposal, in sigmas.
         name: &'static str,
-        /// Present estimate less proposal, in `unit`.
+        /// Difference: present estimate minus proposal, in `unit`.
         by: f64,
-        /// Degrees or millimetres.
+        /// Unit: degrees or millimetres.
         unit: &'static str,
-        /// How many sigmas that is.
+        /// Difference in sigmas.
         sigmas: f64,
     },
 }
@@ -73,16 +73,16 @@ impl fmt::Display for Outdated {
     }
 }
 
-/// Holds a revision against the present estimate; `None` while it holds, of values that nobody
-/// estimated, and while nothing is known. What is from before a reassembly does not hold, wherever it came
-/// from, until it is known what the robot is like now.
+/// Compares a revision with the present estimate; `None` if it agrees, if its values were not
+/// estimated, and if the estimate is unknown. After a reassembly, earlier values of any origin are
+/// outdated until the calibration is known again.
 ///
 /// The present estimate `n` contains the data of the proposal `p`, so that the covariance of the
 /// two is the variance of `n`, and the difference has the variance `sigma_p^2 - sigma_n^2`. That
-/// goes to zero where both rest on nearly the same data, and what averaging cannot take away stands
-/// in both; `sigma_p^2` bounds it. An estimator that has forgotten since (`sigma_n > sigma_p`) is
-/// bounded by its own. The proposal is outdated when one of the four values has
-/// `|n - p| > 3 max(sigma_p, sigma_n)`.
+/// goes to zero where both rest on nearly the same data, and errors that averaging cannot remove
+/// are in both; `sigma_p^2` bounds it. An estimator that was reset since (`sigma_n > sigma_p`) is
+/// bounded by its own sigma. The proposal is outdated when one of the four values has `|n - p| > 3
+/// max(sigma_p, sigma_n)`.
 pub fn outdated(revision: &Revision, present: &Present) -> Option<Outdated> {
     const DEG: f64 = 180.0 / std::f64::consts::PI;
     const NAMED: [(&str, f64, &str); 4] = [

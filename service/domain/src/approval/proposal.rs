@@ -8,7 +8,7 @@ use strum::{EnumString, IntoStaticStr, VariantArray};
 
 use super::second_approver::SecondApprover;
 
-/// Where a proposal stands.
+/// State of a proposal.
 #[derive(
     Debug,
     Clone,
@@ -28,41 +28,41 @@ use super::second_approver::SecondApprover;
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "snake_case")]
 pub enum ProposalState {
-    /// It waits for approvers.
+    /// Open, and awaiting approvers.
     Proposed,
-    /// Enough people have agreed: a deployment brings it to the robot.
+    /// Approved by enough people: a deployment brings it to the robot.
     Approved,
-    /// Somebody said no.
+    /// Rejected by a person.
     Rejected,
-    /// Nobody decided in time.
+    /// Expired without a decision.
     Expired,
-    /// Who proposed it took it back.
+    /// Withdrawn by its proposer.
     Withdrawn,
-    /// A newer estimate disagrees.
+    /// Superseded by a newer estimate.
     Superseded,
 }
 
-/// What can happen to a proposal.
+/// Event of a proposal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ProposalEvent {
-    /// Somebody agreed, and more people have to.
+    /// Approval that needs a further one.
     ApproveInPart,
-    /// Somebody agreed, and that is enough.
+    /// Approval that is enough.
     Approve,
-    /// Somebody said no.
+    /// Rejection.
     Reject,
-    /// Its time is over.
+    /// End of its time.
     Expire,
-    /// It is taken back.
+    /// Withdrawal.
     Withdraw,
-    /// A newer estimate disagrees.
+    /// Disagreement of a newer estimate.
     Supersede,
-    /// The present estimate takes the place of the one it was made from.
+    /// Replacement of the values by the present estimate.
     Refresh,
 }
 
 impl ProposalState {
-    /// All of them.
+    /// Every state.
     pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
 
     /// The name in documents and in the database.
@@ -70,49 +70,49 @@ impl ProposalState {
         self.into()
     }
 
-    /// The state of this name.
+    /// Parses the name of a state.
     pub fn parse(name: &str) -> Option<Self> {
         name.parse().ok()
     }
 }
 
-/// Somebody's yes.
+/// Approval of a person.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Approval {
-    /// Who.
+    /// Person who approved.
     pub by: String,
-    /// When, ns since 1970, wall time.
+    /// Time of the approval, ns since 1970, wall time.
     pub at_ns: WallTime,
-    /// SHA-256 of the revision that was looked at.
+    /// SHA-256 of the approved revision.
     pub sha256: String,
-    /// Why.
+    /// Reason given with it.
     pub reason: Option<String>,
 }
 
-/// How a proposal ended without a deployment.
+/// Closing of a proposal without a deployment.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Closing {
-    /// Who ended it.
+    /// Person who closed it, or the service.
     pub by: String,
-    /// When, ns since 1970, wall time.
+    /// Time of the closing, ns since 1970, wall time.
     pub at_ns: WallTime,
-    /// Why.
+    /// Reason for the closing.
     pub reason: Option<String>,
 }
 
-/// That the present estimate took the place of what was proposed.
+/// Replacement of the proposed values by the present estimate.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Refreshed {
-    /// When it last was, ns since 1970, wall time.
+    /// Time of the last replacement, ns since 1970, wall time.
     pub at_ns: WallTime,
-    /// How often it was.
+    /// Number of replacements.
     pub times: u32,
-    /// Why it last was.
+    /// Reason for the last replacement.
     pub reason: String,
-    /// Whose approvals that has voided.
+    /// People whose approvals became void.
     pub voided: Vec<String>,
 }
 
@@ -120,44 +120,44 @@ pub struct Refreshed {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Proposal {
-    /// Its number.
+    /// Number of the proposal.
     pub id: ProposalId,
-    /// For which robot.
+    /// Robot that it is for.
     pub robot: RobotId,
-    /// Goes up with every change of it.
+    /// Version, incremented with every change.
     pub version: Version,
-    /// Where it stands.
+    /// State of the proposal.
     pub state: ProposalState,
-    /// What is proposed.
+    /// Proposed revision.
     pub revision: RevisionId,
     /// SHA-256 of the revision; approvals bind to it.
     pub revision_sha256: String,
-    /// Who proposed it.
+    /// Person who proposed it, or the service.
     pub proposed_by: String,
-    /// Why.
+    /// Reason for the proposal.
     pub reason: Option<String>,
-    /// When, ns since 1970, wall time.
+    /// Time of the proposal, ns since 1970, wall time.
     pub created_ns: WallTime,
-    /// When it ends by itself.
+    /// Time at which it expires.
     pub expires_ns: WallTime,
-    /// What the robot used when this was proposed; `None` when nobody knew.
+    /// Values in use at the time of the proposal; `None` if unknown.
     pub base: Option<CalibrationValues>,
-    /// The generation of that.
+    /// Generation of the values in use at that time.
     pub base_generation: Option<Generation>,
-    /// Author of the drawing that its size was measured from; absent when it was measured from what was
-    /// approved before, or the drawing is the configuration file's.
+    /// Author of the drawing that the change is measured from; absent if it is measured from an
+    /// approved calibration, or the drawing is the configuration file's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drawn_by: Option<String>,
-    /// How many people have to agree.
+    /// Number of approvals needed.
     pub approvals_needed: u32,
-    /// Reason for which more than one has to; absent in what older versions proposed.
+    /// Reason for which more than one is needed; absent in proposals of older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_approver: Option<SecondApprover>,
-    /// Who has agreed.
+    /// Approvals given.
     pub approvals: Vec<Approval>,
-    /// How it ended otherwise.
+    /// Closing without a deployment, if it was closed.
     pub closing: Option<Closing>,
-    /// That the present estimate took the place of what was proposed; absent unless it did.
+    /// Replacements of the proposed values by the present estimate; absent before the first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refreshed: Option<Refreshed>,
 }

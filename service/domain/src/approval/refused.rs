@@ -7,137 +7,137 @@ use super::deployment::{DeploymentEvent, DeploymentState};
 use super::present::Outdated;
 use super::proposal::{Proposal, ProposalState};
 
-/// Why a command was refused; nothing has changed then.
+/// Reason for which a command was refused; nothing has changed then.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Refused {
-    /// The proposal is decided.
-    #[error("proposal: got a {} one, expected an open one", state.as_str())]
+    /// Proposal that is decided.
+    #[error("the proposal is {}", state.as_str())]
     ProposalClosed {
-        /// Where it stands.
+        /// State of the proposal.
         state: ProposalState,
     },
-    /// The event does not fit the deployment's state.
+    /// Event that does not fit the deployment's state.
     #[error("the deployment is {}, to which {event:?} does not happen", state.as_str())]
     Deployment {
-        /// Where it stands.
+        /// State of the deployment.
         state: DeploymentState,
-        /// What was to happen.
+        /// Event that was refused.
         event: DeploymentEvent,
     },
-    /// No open proposal of the robot has this number.
+    /// Number of no open proposal of the robot.
     #[error("proposal {0} is not open any more")]
     NotOpen(ProposalId),
-    /// The record has changed since it was looked at.
+    /// Record changed since it was read.
     #[error("it is at version {found} now: somebody changed it since you opened it")]
     Stale {
-        /// The version it is at.
+        /// Present version.
         found: Version,
     },
-    /// The approval is about another revision.
+    /// Approval of another revision.
     #[error("sha256: got {given}, expected that of the proposed revision, {found}")]
     OtherRevision {
-        /// What was given.
+        /// Given hash.
         given: String,
-        /// The revision's.
+        /// Hash of the proposed revision.
         found: String,
     },
-    /// People do not approve what they have proposed.
+    /// Approval by the proposer.
     #[error("{0} has proposed this, and somebody else has to approve it")]
     OwnProposal(String),
-    /// One person counts once.
+    /// Second approval by the same person.
     #[error("{0} has approved this already, and a second person has to")]
     ApprovedAlready(String),
-    /// Nobody approves what the present estimate speaks against.
+    /// Approval of a proposal that the present estimate contradicts.
     #[error("{0}; it cannot be approved, and is refreshed or closed")]
     Outdated(Outdated),
-    /// Nothing is proposed while nobody knows what the robot is like.
+    /// Proposal while a reported reassembly leaves the calibration unknown.
     #[error(
         "the robot was reassembled, and its calibration is not known again yet: drive it until the \
          comparison with the calibration of before has a verdict, and propose what it finds then"
     )]
     ReassemblyOpen,
-    /// Another deployment is under way.
-    #[error("deployment: got a second one, expected one at a time: {deployment} of this robot is {}", state.as_str())]
+    /// Second deployment while another is under way.
+    #[error("deployment {deployment} of this robot is {} already; one at a time is possible", state.as_str())]
     Underway {
-        /// Which.
+        /// Deployment under way.
         deployment: DeploymentId,
-        /// Where it stands.
+        /// State of that deployment.
         state: DeploymentState,
     },
-    /// A value that no robot of this site can have.
+    /// Value beyond the limits of this site.
     #[error("{field}: got {value}, expected {accepted}")]
     OutOfLimits {
-        /// Which.
+        /// Name of the value.
         field: &'static str,
-        /// What it is.
+        /// Refused value.
         value: f64,
-        /// What is accepted.
+        /// Accepted values, in words.
         accepted: String,
     },
-    /// A decision without its reason.
+    /// Decision without a reason.
     #[error("reason: got nothing, expected why, in words")]
     ReasonMissing,
-    /// Nobody knows what the robot used before.
-    #[error("nothing is known that the robot could go back to; propose values instead")]
+    /// Roll-back without known former values.
+    #[error("no earlier values of the robot are known; propose values instead")]
     NothingToReturnTo,
-    /// The robot uses already what it would go back to.
+    /// Roll-back without an earlier verified calibration.
     #[error("the robot has no earlier verified calibration than the one it uses")]
     NothingEarlier,
-    /// No robot is shown what it has not seen yet while the deployment freeze is on.
+    /// Offer of a new document while the deployment freeze is on.
     #[error("the deployment freeze is on, and deployment {0} waits for its end")]
     Held(DeploymentId),
-    /// The service never replaces values that a person rolled the robot back to.
+    /// Replacement by the service of values that a person rolled the robot back to.
     #[error("generation {generation} was chosen by {by}: only a person can replace it")]
     ChosenByPerson {
-        /// The generation.
+        /// Generation chosen by the person.
         generation: Generation,
-        /// Who rolled the robot back to it.
+        /// Person who rolled the robot back to it.
         by: String,
     },
-    /// The service approves nothing while a robot's answer contradicts another.
+    /// Approval by the service while a robot's answer contradicts another.
     #[error(
         "an answer about generation {generation} contradicts that the robot uses generation {said}: \
          only a person can approve"
     )]
     AnswersContradict {
-        /// The generation that the robot was said to use.
+        /// Generation in use by the earlier answer.
         said: Generation,
-        /// The generation of the answer that contradicts it.
+        /// Generation of the answer that contradicts it.
         generation: Generation,
     },
-    /// The robot is in no maintenance that could end.
+    /// End of a maintenance of a robot that is in none.
     #[error("the robot is not in maintenance")]
     NoMaintenance,
-    /// No such deployment is under way.
+    /// Number of no deployment under way.
     #[error("deployment {0} is not under way")]
     NotUnderway(DeploymentId),
-    /// An answer about a document that was never given out.
+    /// Answer about a document that was never offered.
     #[error("generation: got {generation}, expected {most} at most")]
     NeverOffered {
-        /// What the answer is about.
+        /// Generation of the answer.
         generation: Generation,
-        /// The highest one that is believed.
+        /// Highest generation that is believed.
         most: Generation,
     },
-    /// An answer about another document of this generation.
+    /// Answer about another document of this generation.
     #[error("sha256 of generation {generation}: got {given:?}, expected {found}")]
     OtherDocument {
-        /// The generation.
+        /// Generation of the answer.
         generation: Generation,
-        /// What the answer is about.
+        /// Hash in the answer.
         given: String,
-        /// The document's.
+        /// Hash of the document.
         found: String,
     },
-    /// The document cannot be signed.
+    /// Failure to sign the document.
     #[error("the document cannot be signed: {0}")]
     Seal(String),
 }
 
 impl Refused {
-    /// Why a command on proposal `id` was refused that is `closed` now. This tells "somebody was
-    /// faster" from "that was decided long ago": a proposal that is not open any more has another
-    /// version than the one that was looked at while it was.
+    /// Refusal of a command on proposal `id` that is `closed` now. It distinguishes a decision made
+    /// since the caller read the proposal from an older one: a closed proposal has another version
+    /// than the one that was read while it was open.
     pub fn not_open(id: ProposalId, closed: Option<&Proposal>, looked_at: Option<Version>) -> Self {
         match (closed, looked_at) {
             (Some(closed), Some(looked_at)) if closed.version != looked_at => Self::Stale {
@@ -151,7 +151,8 @@ impl Refused {
     }
 }
 
-/// Allows a change of what is at version `found`, when it was looked at so and a reason is given.
+/// Allows a change of a record at version `found`, if the caller read that version and gives a
+/// reason.
 ///
 /// # Errors
 /// [`Refused::Stale`] or [`Refused::ReasonMissing`].

@@ -8,20 +8,20 @@ use fleetcal_proto::signing::sha256_hex;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-/// Where a revision comes from.
+/// Origin of a revision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Origin {
-    /// The estimator found it.
+    /// Estimate of the service.
     Estimator,
-    /// A person gave it.
+    /// Values of a person.
     Person,
-    /// The robot brought it along.
+    /// Values that the robot reported.
     Robot,
 }
 
-/// What a revision rests on. Empty for values that nobody measured here.
+/// Evidence for a revision. Empty for values that were not measured here.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Evidence {
@@ -37,16 +37,16 @@ pub struct Evidence {
     pub scans: u64,
     /// Mean normalised innovation squared of the latest updates.
     pub nis_mean: f64,
-    /// Its expectation.
+    /// Expectation of `nis_mean`.
     pub nis_dof: f64,
-    /// How the errors of the four values go together. It came later: evidence without it keeps its
+    /// Covariance of the errors of the four values. Evidence of older versions without it keeps its
     /// hash.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CalibrationCovariance>,
 }
 
 impl Evidence {
-    /// What an estimate rests on.
+    /// Evidence of an estimate.
     pub fn of(estimate: &EstimateDocument) -> Self {
         let last = estimate.stamp_ns;
         Self {
@@ -62,36 +62,36 @@ impl Evidence {
     }
 }
 
-/// Calibration values with what they rest on. Never changed once written.
+/// Calibration values with their evidence. Never changed once written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Revision {
-    /// Its number.
+    /// Number of the revision.
     pub id: RevisionId,
-    /// Whose.
+    /// Robot of the values.
     pub robot: RobotId,
-    /// Where it comes from.
+    /// Origin of the values.
     pub origin: Origin,
-    /// The values, absolute.
+    /// Values, absolute.
     pub values: CalibrationValues,
-    /// Their standard deviations; 0 where nobody measured.
+    /// Standard deviations of the values; 0 if they were not measured.
     pub sigmas: CalibrationValues,
-    /// What they rest on.
+    /// Evidence for the values.
     pub evidence: Evidence,
-    /// Where the rear axle was in the robot's `base_link` when this was made, where that was
-    /// configured: a calibration that is approved and signed has this one, whatever is configured later.
+    /// Pose of the rear axle in the robot's `base_link` at the time of the revision, if configured:
+    /// an approved and signed calibration keeps it, whatever is configured later.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rear_axle_in_base_link: Option<Pose2>,
     /// Version of the program that made it.
     pub estimator: String,
-    /// When, ns since 1970, wall time.
+    /// Time of the revision, ns since 1970, wall time.
     pub created_ns: WallTime,
     /// SHA-256 over all of the above but the number, lower-case hexadecimal.
     pub sha256: String,
 }
 
 impl Revision {
-    /// A new revision.
+    /// Makes a revision.
     pub fn new(
         id: RevisionId,
         robot: RobotId,
@@ -117,7 +117,7 @@ impl Revision {
         revision
     }
 
-    /// The hash of its content.
+    /// SHA-256 of its content.
     pub fn hash(&self) -> String {
         let mut content = vec![
             json!(self.robot),

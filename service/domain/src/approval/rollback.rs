@@ -1,4 +1,4 @@
-//! Sends values on their way to the robot: approved ones, and former ones on the way back.
+//! Deployment of values to the robot: of approved ones, and of former ones in a roll-back.
 
 use fleetcal_model::{Generation, Pose2, RevisionId, RobotTime, Version};
 use fleetcal_proto::calibration::{
@@ -16,22 +16,22 @@ use super::revision::{Evidence, Origin};
 use super::transition::{DeploymentAction, ShadowAction};
 use crate::timestamp;
 
-/// Who brings former values back.
+/// Originator of a roll-back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Rollback {
-    /// A person: nothing but a person undoes it.
+    /// A person: only a person undoes it.
     ByPerson,
     /// The service, after a failed verification or a newer estimate.
     Automatic,
 }
 
-/// A pose in `frame`, in the frame that `frame` is given in.
+/// Pose of `pose`, given in `frame`, in the frame that `frame` is given in.
 fn within(frame: Pose2, pose: &Pose2) -> Pose2 {
     frame.compose(pose)
 }
 
 impl Draft<'_> {
-    /// Queues a revision for the robot: of an approved proposal, or an earlier one.
+    /// Queues a revision for the robot: an approved proposal's, or an earlier one.
     pub(super) fn deploy(
         &mut self,
         proposal: Option<&Proposal>,
@@ -84,7 +84,7 @@ impl Draft<'_> {
         Ok(())
     }
 
-    /// What is kept of a roll-back to a revision.
+    /// Record of a roll-back to a revision.
     fn note_roll_back(
         &self,
         rollback: Rollback,
@@ -113,7 +113,7 @@ impl Draft<'_> {
         names.unwrap_or_else(|| self.standing.actor.name.clone())
     }
 
-    /// Signs a revision under the next generation and makes it what the robot should hold.
+    /// Signs a revision under the next generation and makes it the desired calibration.
     fn sign(
         &mut self,
         revision: RevisionId,
@@ -165,25 +165,19 @@ impl Draft<'_> {
         Ok(offer)
     }
 
-    /// Brings the former values back, whatever the deployment is doing; with none under way, the
-    /// verified ones before those in use.
+    /// Rolls back to the former values in any state of the deployment; without one under way, to
+    /// the verified ones before those in use.
     pub(super) fn roll_back(&mut self, rollback: Rollback, reason: String) -> Result<(), Refused> {
         let Some(before) = self.outcome.ledger.live.clone() else {
             return self.return_to_verified(reason);
         };
-        let action = DeploymentAction::RollBack;
-        if before.state == DeploymentState::Queued {
-            return self.withdraw_queued(&before, rollback, reason);
-        }
-        let state = before.state.after(DeploymentEvent::RollBack)?;
-        let Some(base) = before.base.clone() else {
-            if before.state == DeploymentState::Offered {
-                // A robot that has taken it goes back by itself: nobody confirms it.
-                let event = DeploymentEvent::TimeOut;
-                return self.advance(&before, before.clone(), event, action, Some(reason));
+        let base = match (before.state, before.base.clone()) {
+            (DeploymentState::Queued, _) | (DeploymentState::Offered, None) => {
+                return self.withdraw(&before, rollback, reason);
             }
-            return Err(Refused::NothingToReturnTo);
+            (_, base) => base.ok_or(Refused::NothingToReturnTo)?,
         };
+        let state = before.state.after(DeploymentEvent::RollBack)?;
         let approved = before.earlier.first().unwrap_or(&before.offer).revision;
         self.decline(approved);
         let revision = self.revision_of(&base, Some(approved));
@@ -207,13 +201,15 @@ impl Draft<'_> {
             &before,
             live,
             DeploymentEvent::RollBack,
-            action,
+            DeploymentAction::RollBack,
             Some(reason),
         )
     }
 
-    /// Takes back what no robot has seen: it goes on with the values that it uses.
-    fn withdraw_queued(
+    /// Withdraws a deployment that was not offered yet, or that has no former values to return to:
+    /// the robot keeps the values in use. A robot that has applied it meanwhile reverts by itself,
+    /// for lack of a confirmation.
+    fn withdraw(
         &mut self,
         before: &Deployment,
         rollback: Rollback,
@@ -227,12 +223,12 @@ impl Draft<'_> {
             reason: reason.clone(),
             values: base.values,
         });
-        let (event, action) = (DeploymentEvent::RollBack, DeploymentAction::RollBack);
+        let (event, action) = (DeploymentEvent::Withdraw, DeploymentAction::RollBack);
         self.advance(before, live, event, action, Some(reason))
     }
 
-    /// A revision of what the robot used, which may be its factory calibration: its frames are then
-    /// those of what it goes back from.
+    /// Revision of the values in use before, which may be the factory calibration; its frames are
+    /// those of the revision that the robot returns from.
     fn revision_of(&mut self, base: &InUse, from: Option<RevisionId>) -> RevisionId {
         let known = base
             .revision
@@ -247,7 +243,8 @@ impl Draft<'_> {
         })
     }
 
-    /// What somebody has gone back from is not gone back to, whatever it has proven once.
+    /// Removes a revision that was rolled back from the verified ones, so that no return leads to
+    /// it.
     fn forget_proof(&mut self, revision: RevisionId) {
         let mut shadow = self.outcome.ledger.shadow.clone();
         shadow.verified.retain(|one| one.revision != revision);

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 /// Values of a robot that is built by its drawing, and the author of that drawing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drawing {
-    /// The values, as if it were built so.
+    /// Values of the drawing.
     pub values: CalibrationValues,
-    /// Person or tool that gave it; `None` where the configuration file does.
+    /// Person or tool that gave it; `None` if the configuration file does.
     pub by: Option<String>,
 }
 
@@ -19,17 +19,18 @@ pub struct Drawing {
 pub enum SecondApprover {
     /// The change is beyond `two_approvers_beyond`.
     Beyond,
-    /// A scale, the wheelbase or a delay changes by much.
+    /// A scale, the wheelbase or a delay changes considerably.
     Vehicle,
-    /// It has another `base_link` than what the robot uses.
+    /// The rear axle's pose in `base_link` differs from that of the values in use.
     Frame,
-    /// Nothing was approved here yet, and there is no drawing.
+    /// The robot has neither an approved calibration nor a drawing.
     Unknown,
-    /// Nothing was approved here yet, and the drawing is of somebody who proposes or approves.
+    /// The robot has no approved calibration, and its drawing is of somebody who proposes or
+    /// approves.
     OwnDrawing,
 }
 
-/// How many people have to approve.
+/// Number of approvals needed.
 pub(super) fn approvals_needed(second: Option<SecondApprover>) -> u32 {
     if second.is_some() { 2 } else { 1 }
 }

@@ -8,59 +8,60 @@ use serde::{Deserialize, Serialize};
 use super::generation::{GenerationRef, InUse};
 use super::values::Change;
 
-/// The latest answer of a robot.
+/// Latest answer of a robot.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Reported {
-    /// The generation it is about.
+    /// Generation of the document.
     pub generation: Generation,
     /// SHA-256 of the document.
     pub sha256: String,
-    /// What became of it.
+    /// Outcome at the robot.
     pub status: AppliedStatus,
-    /// Why, in the robot's words.
+    /// Reason that the robot gave.
     pub reason: Option<String>,
-    /// When, ns since 1970, by the robot's clock.
+    /// Time of the outcome, ns since 1970, by the robot's clock.
     pub at_ns: RobotTime,
-    /// When the service learnt of it, ns since 1970, wall time.
+    /// Time at which the service received it, ns since 1970, wall time.
     pub received_ns: WallTime,
-    /// Whether the robot is told that its answer is stored.
+    /// True if the confirmation was sent to the robot.
     pub confirmed: bool,
 }
 
-/// Agreement between what a robot uses and what it should.
+/// Agreement between the calibration in use and the desired one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SyncState {
-    /// It uses what it should; where nothing is approved, its factory calibration.
+    /// The robot uses the desired calibration; before any approval, its factory calibration.
     InSync,
-    /// It uses another calibration than it should, or has not said that it uses that.
+    /// The robot uses another calibration than the desired one, or has not reported that it uses
+    /// that.
     OutOfSync,
-    /// It uses a calibration, and should use none: the approval was taken back, or is not in these
-    /// records.
+    /// The robot uses a calibration and should use none: the approval was withdrawn, or is missing
+    /// in these records.
     Unwanted,
 }
 
-/// That a robot is switched off on purpose.
+/// Maintenance: the robot is switched off on purpose.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Maintenance {
-    /// Until when, ns since 1970, wall time.
+    /// End of the maintenance, ns since 1970, wall time.
     pub until_ns: WallTime,
-    /// Who says so.
+    /// Person or tool that reported it.
     pub by: String,
-    /// Since when, ns since 1970, wall time.
+    /// Begin of the maintenance, ns since 1970, wall time.
     pub at_ns: WallTime,
-    /// Why.
+    /// Reason for the maintenance.
     pub reason: String,
 }
 
 impl Maintenance {
-    /// Longest maintenance, ns: 90 days. A robot that is away for longer is asked for again.
+    /// Longest maintenance, ns: 90 days. A longer one has to be reported again.
     pub const LONGEST_NS: i64 = 90 * 86_400 * 1_000_000_000;
 
-    /// Whether it has not ended by then.
+    /// True if it has not ended at `now`.
     pub fn holds_at(&self, now: WallTime) -> bool {
         now < self.until_ns
     }
@@ -70,57 +71,58 @@ impl Maintenance {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Shadow {
-    /// Whose.
+    /// Robot of the shadow.
     pub robot: RobotId,
-    /// Goes up with every change of it.
+    /// Version, incremented with every change.
     pub version: Version,
-    /// The highest generation ever given out; none is used twice.
+    /// Highest generation ever assigned; none is used twice.
     pub generation_last: Generation,
-    /// What the robot should hold; `None` before the first approval.
+    /// Desired calibration; `None` before the first approval.
     pub desired: Option<GenerationRef>,
-    /// What the robot last answered.
+    /// Latest answer of the robot.
     pub reported: Option<Reported>,
-    /// What the robot uses, as far as it has said.
+    /// Calibration in use, as the robot last reported it.
     pub in_use: Option<InUse>,
-    /// What it used before, to which it goes back by itself.
+    /// Calibration in use before that one, to which the robot reverts by itself.
     pub before: Option<InUse>,
     /// Generations that were verified, oldest first.
     pub verified: Vec<GenerationRef>,
-    /// The revision that was last rejected, withdrawn or rolled back: not proposed again.
+    /// Revision that was last rejected, withdrawn or rolled back; the service does not propose it
+    /// again.
     pub declined: Option<RevisionId>,
-    /// That it is switched off on purpose; it may be over.
+    /// Last maintenance of the robot; it may have ended.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub maintenance: Option<Maintenance>,
-    /// Sum of the steps, whichever way each went, that were approved without a person since a person
-    /// last decided what the robot should use: rad, m, m, rad.
+    /// Sum of the magnitudes of the steps approved without a person since a person last decided on
+    /// the desired calibration: rad, m, m, rad.
     #[serde(default, skip_serializing_if = "is_zero")]
     #[cfg_attr(feature = "openapi", schema(value_type = Vec<f64>))]
     pub automatic_sum: Change,
-    /// The robot's answer that a later one of it contradicted; a person's decision ends it.
+    /// Contradiction between two answers of the robot; a person's decision settles it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contradicted: Option<Contradicted>,
 }
 
-/// Two answers in a robot's name that cannot both be its own.
+/// Contradiction of two answers in a robot's name, which cannot both be its own.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Contradicted {
-    /// The generation of the first.
+    /// Generation of the first answer.
     pub generation: Generation,
-    /// What the first says: that it is in use, or that the robot did not take it.
+    /// Outcome in the first answer: applied, refused or failed.
     #[serde(default = "applied")]
     pub status: AppliedStatus,
-    /// When the service learnt of that, ns since 1970, wall time.
+    /// Time at which the service received it, ns since 1970, wall time.
     pub received_ns: WallTime,
-    /// The generation of the answer that contradicts it.
+    /// Generation of the answer that contradicts it.
     pub by_generation: Generation,
-    /// What that answer says.
+    /// Outcome in that answer.
     pub by_status: AppliedStatus,
-    /// When the service learnt of that, ns since 1970, wall time.
+    /// Time at which the service received that answer, ns since 1970, wall time.
     pub at_ns: WallTime,
 }
 
-/// Records of before know of no other.
+/// Default for records of older versions, which have no other status.
 const fn applied() -> AppliedStatus {
     AppliedStatus::Applied
 }
@@ -130,10 +132,10 @@ fn is_zero(sum: &Change) -> bool {
 }
 
 impl Shadow {
-    /// Verified generations that are remembered.
+    /// Most verified generations that are remembered.
     pub const VERIFIED_MAX: usize = 8;
 
-    /// A robot of which nothing is known.
+    /// Shadow of a robot of which nothing is known.
     pub fn new(robot: RobotId) -> Self {
         Self {
             robot,
@@ -151,14 +153,14 @@ impl Shadow {
         }
     }
 
-    /// Whether the robot has said that it uses this generation.
+    /// True if the robot has reported this generation as in use.
     pub fn uses(&self, generation: Generation) -> bool {
         let in_use = self.in_use.as_ref();
         in_use.is_some_and(|in_use| in_use.generation == generation)
     }
 
-    /// The approved generation that the robot uses although it should use none. Of one that these
-    /// records do not know, the robot may not have said the values.
+    /// Approved generation that the robot uses although it should use none. If these records do not
+    /// know it, the robot may not have reported the values.
     pub fn unwanted(&self) -> Option<Generation> {
         if self.desired.is_some() {
             return None;
@@ -170,7 +172,7 @@ impl Shadow {
         said.filter(|generation| !generation.is_factory())
     }
 
-    /// Agreement between what the robot uses and what it should.
+    /// Agreement between the calibration in use and the desired one.
     pub fn sync(&self) -> SyncState {
         match &self.desired {
             Some(desired) if self.uses(desired.generation) => SyncState::InSync,
@@ -180,7 +182,7 @@ impl Shadow {
         }
     }
 
-    /// Whether the robot holds what it should.
+    /// True if the robot uses the desired calibration.
     pub fn in_sync(&self) -> bool {
         self.sync() == SyncState::InSync
     }

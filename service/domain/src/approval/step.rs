@@ -1,4 +1,4 @@
-//! Takes a command: the records again, or a refusal.
+//! Step: applies a command to a robot's records, or refuses it.
 
 use fleetcal_model::{DeploymentId, Generation, WallTime};
 
@@ -12,10 +12,10 @@ use super::rollback::Rollback;
 use super::shadow::{Maintenance, Shadow};
 use super::transition::{DeploymentAction, ShadowAction};
 
-/// Takes a command on a robot's records.
+/// Applies a command to a robot's records.
 ///
 /// # Errors
-/// When it does not fit them; nothing has changed then.
+/// If it does not fit them; nothing has changed then.
 pub fn step(
     ledger: &RobotLedger,
     command: Command,
@@ -88,7 +88,7 @@ pub fn step(
 }
 
 impl Draft<'_> {
-    /// The robot is about to see the document.
+    /// Moves the deployment to `Offered`, as its document is about to be sent.
     fn offer(&mut self, generation: Generation) -> Result<(), Refused> {
         let Some(before) = self.live_offer(generation) else {
             return Ok(());
@@ -111,7 +111,8 @@ impl Draft<'_> {
         Ok(())
     }
 
-    /// The robot was shown the document. One that nobody was to see yet still has to be sent.
+    /// Removes the sent document from the outbox. The document of a deployment that is still queued
+    /// stays there.
     fn offered(&mut self, generation: Generation) {
         let live = self.live_offer(generation);
         if live.is_none_or(|live| live.state != DeploymentState::Queued) {
@@ -119,7 +120,7 @@ impl Draft<'_> {
         }
     }
 
-    /// The robot was told that its answer is stored.
+    /// Records that the confirmation was sent to the robot.
     fn confirmed(&mut self, generation: Generation) -> Result<(), Refused> {
         self.outcome.sent = Some(OutboxEntry::Confirmed(generation));
         let Some(before) = self.live_offer(generation) else {
@@ -208,7 +209,7 @@ impl Draft<'_> {
 }
 
 impl Draft<'_> {
-    /// The robot is switched off on purpose, or not any more.
+    /// Begins maintenance of a robot that is switched off on purpose, or ends it.
     fn maintain(&mut self, until_ns: Option<WallTime>, reason: String) -> Result<(), Refused> {
         let now = self.standing.now;
         let mut shadow = self.outcome.ledger.shadow.clone();

@@ -1,6 +1,6 @@
-//! Transition of a record. The audit's action, the entry in the robot's history, the live event
-//! and the webhook's message follow from it by exhaustive matches, so that a new transition which
-//! one of them does not know does not compile.
+//! Transition of a record. The audit's action, the entry in the robot's history, the live event and
+//! the webhook's message follow from it by exhaustive matches, so that a new transition that one of
+//! them lacks does not compile.
 
 use strum::{IntoStaticStr, VariantArray};
 
@@ -8,55 +8,55 @@ use super::deployment::Deployment;
 use super::proposal::{Proposal, ProposalEvent};
 use super::shadow::Shadow;
 
-/// One change of one record: a row of the audit.
+/// Change of one record: a row of the audit.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Transition {
-    /// Of a proposal.
+    /// Change of a proposal.
     Proposal(Box<Changed<ProposalAction, Proposal>>),
-    /// Of a deployment.
+    /// Change of a deployment.
     Deployment(Box<Changed<DeploymentAction, Deployment>>),
-    /// Of what a robot should use and what it reported.
+    /// Change of the robot's shadow (desired and reported calibration).
     Shadow(Box<Changed<ShadowAction, Shadow>>),
 }
 
-/// A record before and after an action.
+/// Record before and after an action.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Changed<A, R> {
-    /// What was done.
+    /// Action on the record.
     pub action: A,
-    /// The record before; `None` for a new one.
+    /// Record before; `None` for a new one.
     pub before: Option<R>,
-    /// The record after.
+    /// Record after.
     pub after: R,
-    /// Why, in words.
+    /// Reason, in words.
     pub reason: Option<String>,
 }
 
-/// What is done to a proposal. The text is the audit's.
+/// Action on a proposal. The text is the audit's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, IntoStaticStr, VariantArray)]
 pub enum ProposalAction {
-    /// Somebody, or the service, proposes.
+    /// Proposal by a person or the service.
     #[strum(serialize = "proposal.create")]
     Create,
-    /// Somebody agrees, and that is enough.
+    /// Approval that is enough.
     #[strum(serialize = "proposal.approve")]
     Approve,
-    /// Somebody agrees, and more people have to.
+    /// Approval that needs a further one.
     #[strum(serialize = "proposal.approve_in_part")]
     ApproveInPart,
-    /// Somebody says no.
+    /// Rejection.
     #[strum(serialize = "proposal.reject")]
     Reject,
-    /// Its time is over.
+    /// End of its time.
     #[strum(serialize = "proposal.expire")]
     Expire,
-    /// It is taken back.
+    /// Withdrawal.
     #[strum(serialize = "proposal.withdraw")]
     Withdraw,
-    /// A newer estimate disagrees.
+    /// Disagreement of a newer estimate.
     #[strum(serialize = "proposal.supersede")]
     Supersede,
-    /// The present estimate takes the place of the one it was made from.
+    /// Replacement of the values by the present estimate.
     #[strum(serialize = "proposal.refresh")]
     Refresh,
 }
@@ -75,78 +75,79 @@ impl From<ProposalEvent> for ProposalAction {
     }
 }
 
-/// What is done to a deployment. The text is the audit's.
+/// Action on a deployment. The text is the audit's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, IntoStaticStr, VariantArray)]
 pub enum DeploymentAction {
-    /// A revision is queued for the robot.
+    /// Creation: a revision is queued for the robot.
     #[strum(serialize = "deployment.create")]
     Create,
-    /// The robot is about to see the document.
+    /// Offer: the document is about to be sent to the robot.
     #[strum(serialize = "deployment.offer")]
     Offer,
-    /// The robot uses it.
+    /// Application by the robot.
     #[strum(serialize = "deployment.apply")]
     Apply,
-    /// The robot will not use it.
+    /// Refusal by the robot.
     #[strum(serialize = "deployment.refuse")]
     Refuse,
-    /// The robot could not use it.
+    /// Failure of the robot to apply it.
     #[strum(serialize = "deployment.fail")]
     Fail,
-    /// The robot went back by itself.
+    /// Reversion of the robot by itself.
     #[strum(serialize = "deployment.revert")]
     Revert,
-    /// The robot knows that its answer is stored.
+    /// Confirmation: the robot was informed that its answer is stored.
     #[strum(serialize = "deployment.confirm")]
     Confirm,
-    /// A verification estimate agrees.
+    /// Agreement of a verification estimate.
     #[strum(serialize = "deployment.verify")]
     Verify,
-    /// A verification estimate disagrees.
+    /// Disagreement of a verification estimate.
     #[strum(serialize = "deployment.fail_verification")]
     FailVerification,
-    /// A verification estimate disagrees with values that a person chose; the robot keeps them.
+    /// Disagreement of a verification estimate with values that a person chose; the robot keeps
+    /// them.
     #[strum(serialize = "deployment.keep")]
     Keep,
-    /// The robot moved too little to tell.
+    /// End of the verification without a verdict, after too little motion.
     #[strum(serialize = "deployment.leave_inconclusive")]
     LeaveInconclusive,
-    /// Nobody answered in time.
+    /// End of its time without an answer.
     #[strum(serialize = "deployment.time_out")]
     TimeOut,
-    /// The former values shall come back.
+    /// Order to return to the former values.
     #[strum(serialize = "deployment.roll_back")]
     RollBack,
 }
 
-/// What is done to a shadow. The text is the audit's.
+/// Action on a shadow. The text is the audit's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, IntoStaticStr, VariantArray)]
 pub enum ShadowAction {
-    /// The robot should hold another document.
+    /// Change of the desired calibration.
     #[strum(serialize = "shadow.desire")]
     Desire,
-    /// A revision is not proposed again.
+    /// Refusal of a revision, which is not proposed again.
     #[strum(serialize = "shadow.decline")]
     Decline,
-    /// The robot has answered.
+    /// Answer of the robot.
     #[strum(serialize = "shadow.report")]
     Report,
-    /// A generation was verified.
+    /// Verification of a generation.
     #[strum(serialize = "shadow.remember")]
     Remember,
-    /// A verified revision does not count any more.
+    /// Removal of a verified revision.
     #[strum(serialize = "shadow.forget")]
     Forget,
-    /// The robot is switched off on purpose.
+    /// Begin of maintenance.
     #[strum(serialize = "maintenance.begin")]
     BeginMaintenance,
-    /// It is not any more, before its time was over.
+    /// End of maintenance before its time.
     #[strum(serialize = "maintenance.end")]
     EndMaintenance,
 }
 
 impl Transition {
-    /// The record's number; the robot's id of a shadow.
+    /// Number of the record; for a shadow the robot's id.
     pub fn subject_id(&self) -> String {
         match self {
             Self::Proposal(change) => change.after.id.to_string(),
@@ -155,7 +156,7 @@ impl Transition {
         }
     }
 
-    /// Why, in words.
+    /// Reason, in words.
     pub fn reason(&self) -> Option<&str> {
         match self {
             Self::Proposal(change) => change.reason.as_deref(),

@@ -1,4 +1,4 @@
-//! Calibration values against each other.
+//! Differences between calibration values, and their limits.
 
 use std::f64::consts::TAU;
 
@@ -6,10 +6,10 @@ use fleetcal_model::{Parameter, ParameterStatus, Pose2};
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::{EstimateDocument, ParameterDocument};
 
-/// How far one calibration is from another: steering offset (rad), LiDAR x (m), y (m), yaw (rad).
+/// Difference between two calibrations: steering offset (rad), LiDAR x (m), y (m), yaw (rad).
 pub type Change = [f64; 4];
 
-/// What `to` has more than `from`; of the heading the shorter way round.
+/// Difference `to` minus `from`; the heading's takes the shorter way round.
 pub fn difference(from: &CalibrationValues, to: &CalibrationValues) -> Change {
     let yaw_rad = (to.lidar_yaw_rad - from.lidar_yaw_rad).rem_euclid(TAU);
     [
@@ -24,19 +24,19 @@ pub fn difference(from: &CalibrationValues, to: &CalibrationValues) -> Change {
     ]
 }
 
-/// A sum of steps, whichever way each went, with one more.
+/// Sum of the magnitudes of steps with one more.
 pub(super) fn added(sum: &Change, step: &Change) -> Change {
     std::array::from_fn(|part| sum[part] + step[part].abs())
 }
 
-/// Change of a scale, of the wheelbase in metres, and of a delay in seconds, from which on it is a
-/// large one.
+/// Smallest change of a scale, of the wheelbase in metres, and of a delay in seconds, that counts
+/// as a large one.
 const SCALE_CHANGE_MAX: f64 = 0.03;
 const WHEELBASE_CHANGE_MAX_M: f64 = 0.03;
 const DELAY_CHANGE_MAX_S: f64 = 0.1;
 
-/// Whether what goes along with the four of a [`Change`] changes by much. A robot that has said
-/// nothing of a scale or a delay uses none; nobody knows which wheelbase it uses.
+/// True if a value beside the four of a [`Change`] changes considerably. A robot that has reported
+/// no scale or delay uses none; its wheelbase is unknown.
 pub(super) fn differs_beside(from: &CalibrationValues, to: &CalibrationValues) -> bool {
     type Part = fn(&CalibrationValues) -> Option<f64>;
     let far = |part: Part, none: f64, most: f64| {
@@ -53,7 +53,7 @@ pub(super) fn differs_beside(from: &CalibrationValues, to: &CalibrationValues) -
         || far(|values| values.time_offset_s, 0.0, DELAY_CHANGE_MAX_S)
 }
 
-/// The first four of some values, in the order of [`Change`].
+/// Values of a [`Change`], in its order.
 pub(super) fn four(values: &CalibrationValues) -> [f64; 4] {
     [
         values.steering_offset_rad,
@@ -63,7 +63,7 @@ pub(super) fn four(values: &CalibrationValues) -> [f64; 4] {
     ]
 }
 
-/// Whether any part of a change is larger than its limit.
+/// True if any part of a change exceeds its limit.
 pub fn exceeds(change: &Change, limits: &[f64; 4]) -> bool {
     change
         .iter()
@@ -71,7 +71,7 @@ pub fn exceeds(change: &Change, limits: &[f64; 4]) -> bool {
         .any(|(part, limit)| part.abs() > *limit)
 }
 
-/// Whether any part of a change is larger than its limit and than `sigmas` times its sigma.
+/// True if any part of a change exceeds both its limit and `sigmas` times its sigma.
 pub(super) fn exceeds_significantly(
     change: &Change,
     limits: &[f64; 4],
@@ -84,7 +84,8 @@ pub(super) fn exceeds_significantly(
         .any(|((part, limit), sigma)| part.abs() > *limit && part.abs() > sigmas * sigma)
 }
 
-/// A robot as its drawing has it: steering zero where it should be, the LiDAR where CAD says.
+/// Values of a robot that is built by its drawing: a steering offset of zero, and the LiDAR's pose
+/// from CAD.
 pub fn nominal_values(lidar_in_base: &Pose2) -> CalibrationValues {
     CalibrationValues {
         steering_offset_rad: 0.0,
@@ -95,8 +96,8 @@ pub fn nominal_values(lidar_in_base: &Pose2) -> CalibrationValues {
     }
 }
 
-/// The values of an estimate and their sigmas; `None` while one of the four that every robot needs
-/// is not known.
+/// Values of an estimate and their sigmas; `None` while one of the four that every robot needs is
+/// unknown.
 pub fn values_and_sigmas(
     estimate: &EstimateDocument,
 ) -> Option<(CalibrationValues, CalibrationValues)> {

@@ -1,4 +1,4 @@
-//! What a robot's estimate rests on, and what an edit of its configuration leaves of it.
+//! Basis of a robot's estimate, and the part of it that an edit of the robot's configuration keeps.
 
 use fleetcal_estimator::EstimatorSettings;
 use fleetcal_estimator::calibrator::CalibratorConfig;
@@ -7,28 +7,28 @@ use serde::{Deserialize, Serialize};
 use super::config::{RobotConfig, WheelOdometrySignal};
 use crate::streams::Joints;
 
-/// What the numbers mean that a robot sends. Where they come from is not in it: a topic has a new name
-/// without a new sensor, and a sensor that moved is a change for the estimator to find.
+/// Meaning of the numbers that a robot sends. Topics are not part of it: a topic can be renamed
+/// without a new sensor, and a sensor that moved is a change for the estimator to detect.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Signals {
-    /// Whether steering angles are the sensor's own.
+    /// Kind of the steering angle: raw or compensated.
     wheel_odometry: WheelOdometrySignal,
-    /// How angles and speeds follow from joints.
+    /// Joints that angles and speeds are computed from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     joints: Option<Joints>,
 }
 
-/// What a robot's estimate rests on: while it stays, the estimate goes on.
+/// Basis of a robot's estimate: while it stays the same, the estimate continues.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basis {
-    /// What its estimator is made with.
+    /// Configuration of its estimator.
     pub calibrator: CalibratorConfig,
-    /// What it takes.
+    /// Meaning of its messages.
     pub signals: Signals,
 }
 
 impl RobotConfig {
-    /// What this robot's estimate rests on, `defaults` being the settings of `[estimator]`.
+    /// Basis of this robot's estimate, `defaults` being the settings of `[estimator]`.
     pub fn basis(&self, defaults: &EstimatorSettings) -> Basis {
         Basis {
             calibrator: self.calibrator_config(defaults),
@@ -41,8 +41,8 @@ impl RobotConfig {
 }
 
 impl Basis {
-    /// The keys of a robot's configuration in which another one differs, and because of which an estimate
-    /// begins from nothing; none where it goes on.
+    /// Keys of a robot's configuration that differ from `other` and restart its estimate;
+    /// empty if it continues.
     pub fn differs_in(&self, other: &Self) -> Vec<&'static str> {
         let (own, others) = (&self.calibrator, &other.calibrator);
         let (vehicle, other_vehicle) = (&own.vehicle, &others.vehicle);

@@ -1,4 +1,4 @@
-//! One robot in the configuration: its vehicle, its streams, and what is known beforehand.
+//! Configuration of one robot: its vehicle, its streams and prior knowledge.
 
 use std::f64::consts::TAU;
 
@@ -17,22 +17,22 @@ use {crate::streams::StreamsFields, fleetcal_estimator::point_cloud::BandFields}
 
 /// Longest wheelbase accepted, m: beyond any vehicle on wheels.
 pub const WHEELBASE_MAX_M: f64 = 30.0;
-/// Farthest a LiDAR can be mounted from the rear axle, m.
+/// Farthest distance of a LiDAR from the rear axle, m.
 pub const MOUNT_MAX_M: f64 = 30.0;
 
-/// Why a value in a configuration was refused.
+/// Reason for which a value in a configuration was refused.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{key}: got {value}, expected {accepted}")]
 pub struct ValueRefused {
     /// Name of the key.
     pub key: &'static str,
-    /// The value that was refused.
+    /// Refused value.
     pub value: f64,
-    /// What would have been accepted, in words.
+    /// Accepted values, in words.
     pub accepted: &'static str,
 }
 
-/// A wheelbase that a vehicle can have, m.
+/// Wheelbase of a vehicle, m.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "f64", into = "f64")]
 pub struct Wheelbase(f64);
@@ -67,7 +67,7 @@ impl From<Wheelbase> for f64 {
     }
 }
 
-/// The pose of a part on the vehicle, from CAD or tape.
+/// Pose of a part on the vehicle, from CAD or tape.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Pose2", into = "Pose2")]
 pub struct Mount(Pose2);
@@ -104,34 +104,34 @@ impl TryFrom<Pose2> for Mount {
     }
 }
 
-/// The pose of a part on the vehicle.
+/// Pose of a part on the vehicle.
 #[cfg(feature = "openapi")]
 #[derive(utoipa::ToSchema)]
 #[schema(as = Mount)]
-#[expect(dead_code, reason = "what OpenAPI says of the limits of a Mount")]
+#[expect(dead_code, reason = "the OpenAPI schema of a Mount's limits")]
 struct MountSchema {
-    /// Forward of the frame's origin, m.
+    /// Position forward of the frame's origin, m.
     #[schema(minimum = -30.0, maximum = 30.0)]
     x_m: f64,
-    /// To its left, m.
+    /// Position left of the frame's origin, m.
     #[schema(minimum = -30.0, maximum = 30.0)]
     y_m: f64,
     /// Heading, counter-clockwise, rad, within one turn.
     yaw_rad: f64,
 }
 
-/// Where a speed is measured.
+/// Place at which a speed is measured.
 // With a type of its own for the rear wheel, which generators of clients name by it.
 #[cfg(feature = "openapi")]
 #[derive(utoipa::ToSchema)]
 #[schema(as = SpeedMeasuredAt, rename_all = "snake_case")]
-#[expect(dead_code, reason = "what OpenAPI says of SpeedMeasuredAt")]
+#[expect(dead_code, reason = "the OpenAPI schema of SpeedMeasuredAt")]
 enum SpeedMeasuredAtSchema {
-    /// At the rear axle's centre.
+    /// Centre of the rear axle.
     RearAxle,
-    /// At the steered front wheel.
+    /// Steered front wheel.
     SteeredWheel,
-    /// At one rear wheel.
+    /// One rear wheel.
     RearWheel(RearWheelSchema),
 }
 
@@ -139,9 +139,9 @@ enum SpeedMeasuredAtSchema {
 #[cfg(feature = "openapi")]
 #[derive(utoipa::ToSchema)]
 #[schema(as = RearWheel)]
-#[expect(dead_code, reason = "what OpenAPI says of SpeedMeasuredAt")]
+#[expect(dead_code, reason = "the OpenAPI schema of SpeedMeasuredAt")]
 struct RearWheelSchema {
-    /// How far the wheel is to the left of the axle's centre, m.
+    /// Distance of the wheel to the left of the axle's centre, m.
     lateral_m: f64,
 }
 
@@ -151,75 +151,76 @@ impl From<Mount> for Pose2 {
     }
 }
 
-/// Whether a robot's wheel odometry carries the sensor's raw steering angle.
+/// Kind of steering angle in a robot's wheel odometry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum WheelOdometrySignal {
-    /// As the sensor measures it.
+    /// Raw angle, as the sensor measures it.
     #[default]
     Raw,
-    /// Less the offset that the robot applies, which the service adds back.
+    /// Angle minus the offset that the robot applies, which the service adds back.
     Compensated,
 }
 
-/// How a robot's scans are taken.
+/// Settings of a robot's scans.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ScanSettings {
-    /// Which message they are, unless they say so themselves.
+    /// Message type of scans that do not state it.
     pub scan_type: ScanType,
-    /// What is taken of clouds.
+    /// Band of clouds that is used.
     pub band: PlanarBand,
 }
 
-/// A robot's vehicle and what is known of it beforehand. Only `model` and `wheelbase_m` have to be
-/// given; unknown keys are refused by name.
+/// Vehicle of a robot and prior knowledge of it. Only `model` and `wheelbase_m` are required;
+/// unknown keys are refused by name.
 // The keys of `[[robot]]` in `fleetcal.toml` (beside `id`) and of the body of
 // `PUT /api/v1/robots/{id}`, whose description in OpenAPI these comments are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct RobotConfig {
-    /// How the vehicle steers.
+    /// Steering of the vehicle.
     pub model: VehicleModel,
     /// Distance between the axles, m, more than 0 and at most 30.
     #[cfg_attr(feature = "openapi", schema(value_type = f64, exclusive_minimum = 0.0, maximum = 30.0, examples(1.2)))]
     pub wheelbase_m: Wheelbase,
-    /// Where the speed is measured; where the model usually measures it unless given.
+    /// Place at which the speed is measured; by default the model's usual one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<SpeedMeasuredAtSchema>))]
     pub speed_measured_at: Option<SpeedMeasuredAt>,
-    /// The LiDAR's pose in `base` (rear-axle centre, x forward, y left) from CAD or tape.
+    /// Pose of the LiDAR in `base` (rear-axle centre, x forward, y left) from CAD or tape.
     #[serde(default, alias = "nominal", skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<MountSchema>))]
     pub nominal_extrinsics: Option<Mount>,
-    /// Whether the wheel odometry carries the raw steering angle; `raw` unless given.
+    /// Kind of steering angle in the wheel odometry; `raw` unless given.
     #[serde(default, alias = "drive")]
     pub wheel_odometry: WheelOdometrySignal,
-    /// The rear axle in the vehicle's `base_link`; documents then also give `lidar_in_base_link`.
+    /// Pose of the rear axle in the vehicle's `base_link`; documents then also give
+    /// `lidar_in_base_link`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<MountSchema>))]
     pub rear_axle_in_base_link: Option<Mount>,
-    /// Which message its scans are, where they do not say so themselves; `laser_scan` unless given.
+    /// Message type of scans that do not state it; `laser_scan` unless given.
     #[serde(default)]
     pub scan_type: ScanType,
-    /// What is taken of the clouds of a 3D scanner; the default band unless given.
+    /// Band of a 3D scanner's clouds that is used; the default band unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<BandFields>))]
     pub point_cloud: Option<PlanarBand>,
-    /// Its ROS 2 topics, where they are not those of `[ros2]`.
+    /// ROS 2 topics of the robot, if they differ from those of `[ros2]`.
     #[serde(default, skip_serializing_if = "RobotStreams::is_default")]
     #[cfg_attr(feature = "openapi", schema(required = false, value_type = StreamsFields))]
     pub streams: RobotStreams,
-    /// Settings of this robot's estimator, with the keys of `[estimator]` in `fleetcal.toml`; each key
-    /// that is not given is as there.
+    /// Settings of this robot's estimator, with the keys of `[estimator]` in `fleetcal.toml`, which
+    /// gives the other ones.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<Object>))]
     pub estimator: Option<OwnSettings>,
 }
 
 impl RobotConfig {
-    /// A robot of which only the vehicle is known.
+    /// Configuration of a robot of which only the vehicle is known.
     pub fn of_vehicle(model: VehicleModel, wheelbase_m: Wheelbase) -> Self {
         Self {
             model,
@@ -235,7 +236,7 @@ impl RobotConfig {
         }
     }
 
-    /// How its scans are taken.
+    /// Settings of its scans.
     pub fn scans(&self) -> ScanSettings {
         ScanSettings {
             scan_type: self.scan_type,
@@ -243,7 +244,7 @@ impl RobotConfig {
         }
     }
 
-    /// The vehicle, as the estimator takes it.
+    /// Vehicle, in the estimator's form.
     pub fn vehicle(&self) -> Vehicle {
         let mut vehicle = Vehicle::new(self.model, self.wheelbase_m.metres());
         if let Some(place) = self.speed_measured_at {
@@ -252,7 +253,7 @@ impl RobotConfig {
         vehicle
     }
 
-    /// What this robot's estimator is made with, `defaults` being the settings of `[estimator]`.
+    /// Configuration of this robot's estimator, `defaults` being the settings of `[estimator]`.
     pub fn calibrator_config(&self, defaults: &EstimatorSettings) -> CalibratorConfig {
         CalibratorConfig {
             vehicle: self.vehicle(),

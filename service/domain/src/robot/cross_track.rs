@@ -4,27 +4,27 @@ use serde::{Deserialize, Serialize};
 
 /// Width of a bin, m.
 pub const BIN_WIDTH_M: f64 = 0.01;
-/// Bins to either side of the path. What lies outside goes into the outermost ones.
+/// Bins to either side of the path. Errors beyond them count in the outermost ones.
 pub const BINS_PER_SIDE: usize = 50;
-/// Calibrations of a robot whose histograms are kept.
+/// Most calibrations of a robot whose histograms are kept.
 pub const GENERATIONS_MAX: usize = 8;
 
 /// Cross-track errors of one robot with one calibration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CrossTrack {
-    /// How many there are.
+    /// Number of errors.
     pub count: u64,
-    /// Their sum, m.
+    /// Sum of the errors, m.
     pub sum_m: f64,
     /// Sum of their squares, m^2.
     pub sum_square_m2: f64,
-    /// How many bends there are: errors less the mean of the two a second before and after.
+    /// Number of bends: errors minus the mean of the two a second before and after.
     #[serde(default)]
     pub bends: u64,
     /// Sum of the squares of the bends, m^2.
     #[serde(default)]
     pub sum_square_bend_m2: f64,
-    /// How many lie in each bin, from far right of the path to far left.
+    /// Number of errors in each bin, from far right of the path to far left.
     pub bins: Vec<u64>,
 }
 
@@ -42,7 +42,7 @@ impl Default for CrossTrack {
 }
 
 impl CrossTrack {
-    /// Takes one error, m, positive when left of the path.
+    /// Adds one error, m, positive when left of the path.
     pub fn add(&mut self, error_m: f64) {
         self.count += 1;
         self.sum_m += error_m;
@@ -55,17 +55,17 @@ impl CrossTrack {
         }
     }
 
-    /// Takes the bend of three errors a second apart, m.
+    /// Adds the bend of three errors a second apart, m.
     pub fn add_bend(&mut self, [before_m, error_m, after_m]: [f64; 3]) {
         let bend_m = error_m - 0.5 * (before_m + after_m);
         self.bends += 1;
         self.sum_square_bend_m2 += bend_m * bend_m;
     }
 
-    /// Variance of what changes from one second to the next, m^2; `None` while there are no bends.
+    /// Variance of the part that changes from one second to the next, m^2; `None` without bends.
     ///
-    /// Errors that have nothing to do with each other and the variance `s` make bends of the mean
-    /// square `s + 2 s / 4`; what lasts for seconds makes none.
+    /// Independent errors of variance `s` make bends of the mean square `s + 2 s / 4`; errors that
+    /// last for seconds make none.
     pub fn brief_m2(&self) -> Option<f64> {
         (self.bends > 0).then(|| self.sum_square_bend_m2 / (1.5 * self.bends as f64))
     }

@@ -1,4 +1,4 @@
-//! A robot's history, and where it is kept.
+//! History of a robot, and the journal that stores it.
 
 use std::fmt;
 use std::sync::Arc;
@@ -10,47 +10,48 @@ use serde::{Deserialize, Serialize};
 
 use super::cross_track::CrossTrack;
 
-/// What the service itself has to say in a robot's history.
+/// Kind of entry that the service makes in a robot's history.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ServiceEventKind {
-    /// The robot's clock jumped back by more than 5 s: a new session began.
+    /// New session, as the robot's clock jumped back by more than 5 s.
     SessionStarted,
-    /// The robot was configured, or configured again: its estimator begins from nothing.
+    /// First or new configuration of the robot: its estimator starts from scratch.
     Configured,
-    /// The estimator panicked and was restarted.
+    /// Restart of the estimator after a panic.
     EstimatorRestarted,
-    /// The estimator panicked too often and was stopped.
+    /// Stop of the estimator after too many panics.
     EstimatorStopped,
 }
 
-/// An entry of a robot's history that the service makes.
+/// Entry of a robot's history that the service makes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ServiceEvent {
-    /// What happened.
+    /// Kind of the entry.
     pub kind: ServiceEventKind,
-    /// When, ns since 1970: by the robot's clock where it has sent, else by the service's.
+    /// Time of the entry, ns since 1970: by the robot's clock if it has sent, else by the
+    /// service's.
     pub stamp_ns: RobotTime,
-    /// More about it, for people.
+    /// Details, for people.
     #[serde(default)]
     pub note: String,
 }
 
-/// An entry of a robot's history. Each has a `kind` and a `stamp_ns`.
+/// Entry of a robot's history. Each has a `kind` and a `stamp_ns`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum HistoryEvent {
-    /// The estimator saw a change or a fault.
+    /// Change or fault that the estimator detected.
     Change(ChangeDocument),
-    /// A person or a tool attached a note.
+    /// Note of a person or a tool.
     Note(RobotEvent),
-    /// The service did something.
+    /// Entry of the service.
     Service(ServiceEvent),
 }
 
 impl HistoryEvent {
-    /// When it happened, ns since 1970, by the robot's clock.
+    /// Time of the entry, ns since 1970, by the robot's clock.
     pub fn stamp_ns(&self) -> RobotTime {
         match self {
             Self::Change(change) => change.stamp_ns,
@@ -60,15 +61,15 @@ impl HistoryEvent {
     }
 }
 
-/// Where the fleet writes what must outlive it. None of it blocks; what cannot be queued is
-/// counted by the journal.
+/// Journal of the fleet, which stores records beyond its lifetime. No method blocks; the journal
+/// counts records that it cannot queue.
 pub trait Journal: fmt::Debug + Send + Sync + 'static {
-    /// One row of a robot's history, at most one a second of message time.
+    /// Records one row of a robot's history, at most one a second of message time.
     fn record_history(&self, robot: &RobotId, document: &Arc<EstimateDocument>);
-    /// Something happened to a robot.
+    /// Records an event of a robot.
     fn record_event(&self, robot: &RobotId, event: &Arc<HistoryEvent>);
-    /// How well a robot follows its path with one calibration. It replaces the earlier one.
+    /// Replaces a robot's stored cross-track errors with one calibration.
     fn save_cross_track(&self, robot: &RobotId, generation: Generation, errors: &CrossTrack);
-    /// What a robot's task goes on from after a restart. It replaces the robot's earlier one.
+    /// Replaces a robot's stored checkpoint, from which its task continues after a restart.
     fn save_checkpoint(&self, robot: &RobotId, stamp_ns: RobotTime, state: Vec<u8>);
 }

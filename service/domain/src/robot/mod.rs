@@ -1,5 +1,5 @@
-//! A robot as the whole service names it: what is configured of it, what is seen of it, and what
-//! stands in its history. Below everything that decides, stores, shows or sends.
+//! Robots as the whole service describes them: configuration, view and history. Below every module
+//! that decides, stores, shows or sends.
 
 mod basis;
 mod config;

@@ -1,32 +1,38 @@
 //! Settings of one robot's estimator.
 
 use fleetcal_estimator::EstimatorSettings;
-use fleetcal_estimator::settings::SettingsRefused;
+use fleetcal_estimator::settings::{Measurement, SettingsRefused};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
-/// The settings of `[estimator]` that one robot has otherwise: the keys that were given, each of which an
-/// estimator can work with.
+/// Key that stored robots may have and that is no longer accepted: the estimator has only one
+/// measurement.
+const FORMER: &str = "measurement";
+
+/// Settings of one robot that differ from `[estimator]`: the given keys, each checked to be valid.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct OwnSettings(Map<String, Value>);
 
 impl OwnSettings {
-    /// These settings, and those of `usual` for every key that is not given.
+    /// Overlays these settings on `usual`, which gives every other key.
     ///
     /// # Errors
-    /// When the two contradict each other.
+    /// If the two contradict each other.
     pub fn over(&self, usual: &EstimatorSettings) -> Result<EstimatorSettings, SettingsRefused> {
         let settings = self.laid_over(usual);
         settings.check().map(|()| settings)
     }
 
-    /// What this robot's estimator works with. Where `[estimator]` came to contradict what the robot was given,
-    /// the program's own settings stand behind it instead.
+    /// Settings in use by this robot's estimator. If `[estimator]` has come to contradict the
+    /// robot's own settings, the program's defaults replace it.
     pub fn in_use(&self, usual: &EstimatorSettings) -> EstimatorSettings {
-        self.over(usual)
-            .unwrap_or_else(|_| self.laid_over(&EstimatorSettings::default()))
+        let mut known = self.clone();
+        known.0.remove(FORMER);
+        known
+            .over(usual)
+            .unwrap_or_else(|_| known.laid_over(&EstimatorSettings::default()))
     }
 
     fn laid_over(&self, usual: &EstimatorSettings) -> EstimatorSettings {
@@ -42,14 +48,16 @@ impl OwnSettings {
 impl<'de> Deserialize<'de> for OwnSettings {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let given = Map::deserialize(from)?;
-        let alone: EstimatorSettings =
+        let mut alone: EstimatorSettings =
             serde_json::from_value(Value::Object(given.clone())).map_err(D::Error::custom)?;
+        // Stored robots may name the paper's; who gives it is refused by `over`.
+        alone.measurement = Measurement::default();
         alone.check().map_err(D::Error::custom)?;
         Ok(Self(given))
     }
 }
 
-/// Puts every value that is given in the place of the usual one, tables key by key.
+/// Overlays every given value on the usual one, tables key by key.
 fn lay(given: &Value, over: &mut Value) {
     match (given, over) {
         (Value::Null, _) => {}
@@ -100,6 +108,23 @@ mod tests {
     }
 
     #[test]
+    fn a_stored_robot_of_the_papers_filter_is_read_and_none_is_given_one() {
+        let stored = own(r#"{"measurement": "anchored", "pose_sigma_m": 0.02}"#);
+        let usual = EstimatorSettings {
+            anchor_distance_m: 4.0,
+            ..EstimatorSettings::default()
+        };
+        let expected = EstimatorSettings {
+            pose_sigma_m: 0.02,
+            ..usual.clone()
+        };
+        assert_eq!(stored.in_use(&usual), expected);
+        assert_eq!(stored.over(&usual), Err(SettingsRefused::Anchored));
+        let former_default = own(r#"{"measurement": "clone"}"#);
+        assert_eq!(former_default.over(&usual), Ok(usual));
+    }
+
+    #[test]
     fn what_contradicts_the_settings_of_all_is_refused_and_never_in_use() {
         let gain = own(r#"{"free": {"steering_gain": "estimated"}}"#);
         let mut usual = EstimatorSettings::default();
@@ -110,6 +135,7 @@ mod tests {
         assert_eq!(in_use.free.steering_gain, Freedom::Estimated);
         for refused in [
             r#"{"noize": 1}"#,
+            r#"{"measurement": "cloned"}"#,
             r#"{"pose_sigma_m": -1}"#,
             r#"{"prior_sigma": {"lidar_z": 1}}"#,
         ] {

@@ -10,7 +10,7 @@ use strum::{IntoStaticStr, VariantArray};
 
 use super::config::RobotConfig;
 
-/// Where a robot stands, in one word.
+/// State of a robot, in one word.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, IntoStaticStr,
 )]
@@ -18,17 +18,17 @@ use super::config::RobotConfig;
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "snake_case")]
 pub enum RobotState {
-    /// It sends, but nobody has given its vehicle.
+    /// Robot that sends data, without a configured vehicle.
     Unregistered,
-    /// It is configured and sends nothing.
+    /// Configured robot that sends no data.
     NoData,
-    /// Its estimator failed too often and was stopped.
+    /// Estimator stopped after too many failures.
     Failed,
-    /// Its vehicle is no longer the one that was calibrated; the new values are being learnt.
+    /// Vehicle changed since it was calibrated; the new values are being learnt.
     Changed,
-    /// Its parameters are on their way.
+    /// Parameters not converged yet.
     Learning,
-    /// Every parameter that its motions can tell is converged.
+    /// Every parameter that its motions make observable has converged.
     Calibrated,
 }
 
@@ -39,49 +39,49 @@ impl RobotState {
     }
 }
 
-/// What has come in on one stream.
+/// Traffic of one stream.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StreamView {
-    /// Which stream.
+    /// The stream.
     pub stream: Stream,
     /// Messages received.
     pub messages: u64,
     /// Messages per second of receipt time, over the last seconds.
     pub rate_hz: f64,
-    /// When the last one was received, wall time; `None` before the first.
+    /// Receipt of the last message, wall time; `None` before the first.
     pub last_received_ns: Option<WallTime>,
 }
 
-/// Whether the robot is there.
+/// Connection of a robot.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Connection {
-    /// When anything was last received since the service started, wall time.
+    /// Last receipt of any data since the service started, wall time.
     pub last_seen_ns: Option<WallTime>,
-    /// When it was last heard before that, to the few seconds after which estimates are stored.
+    /// Last receipt before that, accurate to the seconds between two stored estimates.
     pub heard_before_ns: Option<WallTime>,
-    /// Whether nothing has come for [`crate::limits::STALE_AFTER`].
+    /// True if nothing was received for [`crate::limits::STALE_AFTER`].
     pub stale: bool,
-    /// Whether its liveliness token stands.
+    /// True if its liveliness token is present.
     pub alive: bool,
-    /// What it sends.
+    /// Streams that it sends.
     pub streams: Vec<StreamView>,
 }
 
 impl Connection {
-    /// When anything was last received, before or after the service started.
+    /// Last receipt of any data, before or after the service started.
     pub fn last_heard(&self) -> Option<WallTime> {
         self.last_seen_ns.or(self.heard_before_ns)
     }
 }
 
-/// What became of a robot's messages:
-/// `received = processed + dropped_… + refused + ignored + waiting`, always.
+/// Counts of a robot's messages by their outcome: `received = processed + dropped_… + refused +
+/// ignored + waiting`, always.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Counters {
-    /// Messages that came in.
+    /// Messages received.
     pub received: u64,
-    /// Messages that the estimator has taken.
+    /// Messages processed by the estimator.
     pub processed: u64,
     /// Drive samples dropped because the mailbox was full.
     pub dropped_wheel_odometry: u64,
@@ -89,32 +89,32 @@ pub struct Counters {
     pub dropped_scans: u64,
     /// Notes dropped because the mailbox was full.
     pub dropped_notes: u64,
-    /// Messages that could not be decoded or hold values that cannot be.
+    /// Messages that could not be decoded or hold impossible values.
     pub refused: u64,
-    /// Why the last one was refused.
+    /// Reason of the last refusal.
     pub last_refusal: Option<String>,
-    /// Messages that came while the robot was not configured.
+    /// Messages received while the robot was not configured.
     pub ignored: u64,
-    /// Messages that wait in the mailbox or are being worked on.
+    /// Messages in the mailbox or being processed.
     pub waiting: u64,
 }
 
-/// How well steering and speed fit together.
+/// Pairing of steering and speed.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "openapi", schema(as = Pairing))]
 pub struct PairingReport {
-    /// Drive samples made of two messages.
+    /// Drive samples made from two messages.
     pub paired: u64,
-    /// Speeds that had no steering angle near enough, and were left out.
+    /// Speeds dropped for lack of a steering angle near enough in time.
     pub unpaired: u64,
-    /// Mean distance in time from a speed to the nearest angle, s.
+    /// Mean time from a speed to the nearest angle, s.
     pub error_mean_s: f64,
-    /// Largest of these, s.
+    /// Largest of these times, s.
     pub error_max_s: f64,
 }
 
-/// How a robot is heard, in one word.
+/// Availability of a robot's data, in one word.
 #[derive(
     Debug,
     Clone,
@@ -133,19 +133,20 @@ pub struct PairingReport {
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "snake_case")]
 pub enum ConnectionState {
-    /// It sends data, in maintenance or not.
+    /// Robot sends data, in maintenance or not.
     Online,
-    /// It should send data and does not.
+    /// Robot should send data and does not.
     Silent,
-    /// It is switched off on purpose and sends nothing.
+    /// Robot is switched off on purpose and sends nothing.
     Maintenance,
 }
 
 impl ConnectionState {
-    /// All of them.
+    /// Every value.
     pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
 
-    /// How a robot is heard that has sent nothing for some seconds (`stale`), or is in maintenance.
+    /// Availability of a robot that is or is not `stale` (has sent nothing for some seconds) and in
+    /// maintenance.
     pub const fn of(stale: bool, in_maintenance: bool) -> Self {
         match (stale, in_maintenance) {
             (false, _) => Self::Online,
@@ -160,94 +161,93 @@ impl ConnectionState {
     }
 }
 
-/// One robot as the rest of the service sees it.
+/// View of one robot for the rest of the service.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobotView {
     /// Its id.
     pub id: RobotId,
     /// Its configuration; `None` for an unregistered robot.
     pub config: Option<RobotConfig>,
-    /// Where it stands.
+    /// State of the robot.
     pub state: RobotState,
-    /// Whether it is there, and what it sends.
+    /// Connection and streams.
     pub connection: Connection,
-    /// The latest estimate, once there is one.
+    /// Latest estimate, once there is one.
     pub estimate: Option<Arc<EstimateDocument>>,
-    /// An estimate from nothing but what came since the values of this generation are in use;
-    /// `None` while nothing is to be verified.
+    /// Verification estimate from the data since the values of this generation were applied; `None`
+    /// without a verification under way.
     pub verification: Option<(Generation, Arc<EstimateDocument>)>,
-    /// What became of its messages.
+    /// Counts of its messages by their outcome.
     pub counters: Counters,
-    /// Times that its estimator was restarted after a panic.
+    /// Restarts of its estimator after a panic.
     pub estimator_restarts: u32,
-    /// How well steering and speed of different topics fit together; `None` of a robot that sends
-    /// both in one.
+    /// Pairing of steering and speed of different topics; `None` if the robot sends both in one.
     pub pairing: Option<PairingReport>,
-    /// What looks wrong with what it sends.
+    /// Warnings about its data.
     pub warnings: Vec<Warning>,
-    /// Whether somebody has reported a reassembly, and the calibration is not known again since.
+    /// True if a reassembly was reported, and the calibration is not known again since.
     pub reassembly_open: bool,
-    /// Up to which note of the audit its estimator has taken them; `None` while nobody says so.
+    /// Newest note of the audit that its estimator has processed; `None` while unknown.
     pub notes_taken: Option<AuditId>,
-    /// The ROS 2 topics that it has announced, by name.
+    /// Announced ROS 2 topics, by name.
     pub topics: Arc<[AnnouncedTopic]>,
-    /// Which instance of a cluster estimates it; `None` while none does, and where one service has
-    /// all robots.
+    /// Instance of a cluster that estimates it; `None` while there is none, and for a single
+    /// service.
     pub estimated_by: Option<EstimatedBy>,
 }
 
-/// A ROS 2 topic that a robot has announced.
+/// ROS 2 topic that a robot has announced.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct AnnouncedTopic {
-    /// Its name below the robot, `front/scan`.
+    /// Name below the robot, such as `front/scan`.
     pub topic: String,
-    /// Its type, `sensor_msgs/msg/LaserScan`.
+    /// Type, such as `sensor_msgs/msg/LaserScan`.
     #[serde(rename = "type")]
     pub type_name: String,
-    /// Which Zenoh keys its messages have.
+    /// Layout of its messages' Zenoh keys.
     pub layout: KeyLayout,
-    /// The streams that it could be.
+    /// Streams that it could carry.
     pub suited_for: Vec<Stream>,
-    /// Says that its robot is configured to use it, but the service's access list, which is made when
-    /// the service starts, lets nothing of it through.
+    /// True if its robot is configured to use it, but the service's access list, which is built
+    /// when the service starts, does not admit it.
     pub blocked: bool,
 }
 
-/// Something that looks wrong with what a robot sends.
+/// Kind of warning about a robot's data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum WarningKind {
-    /// The steering angle has neither a sensor's noise nor its lag.
+    /// Steering angle with neither a sensor's noise nor its lag.
     SteeringLooksCommanded,
-    /// The scans state no beam times, and the scanner turns; or the points of its clouds have none.
+    /// Scans of a turning scanner without beam times, or clouds whose points have none.
     ScanBeamTimesMissing,
-    /// The LiDAR's scanning plane is tilted: it sees the floor.
+    /// Tilted scanning plane: the LiDAR sees the floor.
     ScannerSeesFloor,
-    /// Two senders use the robot's id.
+    /// Two senders under the robot's id.
     TwoSenders,
-    /// It sends on a key that is no longer used.
+    /// Messages on a key that is no longer used.
     FormerKey,
     /// Stamps are coarser than the rate of their stream.
     StampsCoarse,
-    /// A topic of a bridge is not on the access list.
+    /// Topic of a bridge that the access list lacks.
     TopicBlocked,
 }
 
-/// A warning, with words for people.
+/// Warning, with words for people.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "openapi", schema(as = RobotWarning))]
 pub struct Warning {
-    /// Which one.
+    /// Kind of the warning.
     pub kind: WarningKind,
-    /// What was seen, and what to do.
+    /// Observation and advice.
     pub text: String,
 }
 
 impl Warning {
-    /// The warning of [`WarningKind::SteeringLooksCommanded`].
+    /// Warning of [`WarningKind::SteeringLooksCommanded`].
     pub fn steering_looks_commanded() -> Self {
         Self {
             kind: WarningKind::SteeringLooksCommanded,
@@ -259,7 +259,7 @@ impl Warning {
         }
     }
 
-    /// The warning of [`WarningKind::TwoSenders`].
+    /// Warning of [`WarningKind::TwoSenders`].
     pub fn two_senders() -> Self {
         Self {
             kind: WarningKind::TwoSenders,
@@ -269,7 +269,7 @@ impl Warning {
         }
     }
 
-    /// The warning of [`WarningKind::StampsCoarse`]; of which streams.
+    /// Warning of [`WarningKind::StampsCoarse`] about some streams.
     pub fn stamps_coarse(streams: &[Stream]) -> Self {
         Self {
             kind: WarningKind::StampsCoarse,
@@ -282,7 +282,7 @@ impl Warning {
         }
     }
 
-    /// The warning of [`WarningKind::TopicBlocked`] for the topics of a robot that are blocked, if any.
+    /// Warning of [`WarningKind::TopicBlocked`] for a robot's blocked topics, if any.
     pub fn topic_blocked(topics: &[AnnouncedTopic]) -> Option<Self> {
         let blocked = topics.iter().filter(|topic| topic.blocked);
         let names: Vec<&str> = blocked.map(|topic| topic.topic.as_str()).collect();
@@ -297,7 +297,7 @@ impl Warning {
         })
     }
 
-    /// The warning of [`WarningKind::FormerKey`]; `key` is the one to send to.
+    /// Warning of [`WarningKind::FormerKey`]; `key` is the one to send to.
     pub fn former_key(key: &str) -> Self {
         Self {
             kind: WarningKind::FormerKey,
@@ -308,9 +308,9 @@ impl Warning {
         }
     }
 
-    /// The warning of [`WarningKind::ScannerSeesFloor`]; where it sees the floor: how far from the
-    /// LiDAR, m, and in which direction of its frame, rad. It is told to half a metre and 5°, so that the
-    /// text stays the same while the place is known ever better.
+    /// Warning of [`WarningKind::ScannerSeesFloor`]: distance of the floor from the LiDAR, m, and
+    /// its direction in the LiDAR's frame, rad. They are rounded to half a metre and 5°, so that
+    /// the text is stable while they become more accurate.
     pub fn scanner_sees_floor(distance_m: f64, direction_rad: f64) -> Self {
         let distance_m = 0.5 * (2.0 * distance_m).round();
         let direction_deg = 5 * (direction_rad.to_degrees() / 5.0).round() as i64;
@@ -325,7 +325,7 @@ impl Warning {
         }
     }
 
-    /// The warning of [`WarningKind::ScanBeamTimesMissing`] where the scans are clouds.
+    /// Warning of [`WarningKind::ScanBeamTimesMissing`] for clouds.
     pub fn point_times_missing() -> Self {
         Self {
             kind: WarningKind::ScanBeamTimesMissing,
@@ -338,7 +338,7 @@ impl Warning {
         }
     }
 
-    /// The warning of [`WarningKind::ScanBeamTimesMissing`] where they are laser scans.
+    /// Warning of [`WarningKind::ScanBeamTimesMissing`] for laser scans.
     pub fn scan_beam_times_missing() -> Self {
         Self {
             kind: WarningKind::ScanBeamTimesMissing,

@@ -9,7 +9,7 @@ use crate::alert::tests::{deployment, estimate, in_use, robot, view};
 use crate::alert::{Condition, Subject};
 use crate::approval::{Maintenance, Policy, Proposal, ProposalState, Verification};
 
-/// A robot and what is so of it.
+/// Robot and the facts about it.
 struct Case {
     view: RobotView,
     ledger: RobotLedger,
@@ -68,7 +68,7 @@ impl Case {
         self
     }
 
-    /// It uses this generation, whose steering offset is given; the estimate says 0.
+    /// Sets the generation in use and its steering offset; the estimate is 0.
     fn using(mut self, generation: Generation, steering_offset_rad: f64) -> Self {
         self.ledger.shadow.in_use = Some(in_use(generation, steering_offset_rad));
         self

@@ -11,42 +11,42 @@ use serde::{Deserialize, Serialize};
 
 use fleetcal_model::Stream;
 
-/// Longest name of a topic or a joint, and longest prefix, in bytes.
+/// Longest name of a topic or a joint, and longest prefix, bytes.
 const NAME_BYTES_MAX: usize = 200;
 /// Most wheels whose mean is the speed.
 const WHEELS_MAX: usize = 8;
-/// Largest wheel, m.
+/// Largest radius of a wheel, m.
 const WHEEL_RADIUS_MAX_M: f64 = 5.0;
 /// Largest gear ratio, either way.
 const GEAR_MAX: f64 = 1_000.0;
 
-/// One topic.
+/// Topic and type of a stream.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Source {
-    /// Its name below the robot, without a slash at the ends.
+    /// Name below the robot, without a slash at the ends.
     #[cfg_attr(feature = "openapi", schema(examples("front/scan")))]
     pub topic: TopicName,
-    /// What its messages are, where keys, tokens and encodings do not say so.
+    /// Message type, if keys, tokens and encodings do not state it.
     #[serde(rename = "type", default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub message_type: Option<MessageType>,
 }
 
-/// Which joints of a `JointState` steer and drive.
+/// Joints of a `JointState` that steer and drive.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Joints {
-    /// The joint whose position is the steering angle, left positive.
+    /// Joint whose position is the steering angle, left positive.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub steering: Option<String>,
     /// Steering angle of the (virtual) centre wheel for each radian of the joint; 1 unless given.
     #[serde(default = "one")]
     pub steering_gear: f64,
-    /// The joints whose mean velocity is the speed.
+    /// Joints whose mean velocity is the speed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub wheels: Vec<String>,
     /// Radius of these wheels, m.
@@ -62,17 +62,17 @@ fn one() -> f64 {
     1.0
 }
 
-/// The topics of one robot, where they are not those of `[ros2]`.
+/// Topics of one robot that differ from those of `[ros2]`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(try_from = "StreamsFields", into = "StreamsFields")]
 pub struct RobotStreams(StreamsFields);
 
-/// The ROS 2 topics of a robot; what is not given is as `[ros2]` in `fleetcal.toml` says.
+/// ROS 2 topics of a robot; `[ros2]` in `fleetcal.toml` gives the other ones.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = RobotStreams))]
 pub struct StreamsFields {
-    /// What stands before its topics in keys, instead of what the templates say: `7`, `site/7`.
+    /// Prefix of its topics in keys, in place of the templates': `7`, `site/7`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false, examples("7")))]
     pub prefix: Option<TopicName>,
@@ -81,8 +81,8 @@ pub struct StreamsFields {
     #[serde(alias = "drive", skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub wheel_odometry: Option<Source>,
-    /// Whether its wheel odometry is on the former usual topic, `drive`, unless `[ros2]` or
-    /// `wheel_odometry` names one: so for robots that were registered while that was usual.
+    /// True if its wheel odometry is on the former default topic, `drive`, unless `[ros2]` or
+    /// `wheel_odometry` names one: set for robots that were registered while that was the default.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     #[cfg_attr(feature = "openapi", schema(required = false))]
     pub former_topic: bool,
@@ -102,13 +102,13 @@ pub struct StreamsFields {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub lidar_odometry: Option<Source>,
-    /// Which joints steer and drive, of a `JointState`.
+    /// Joints of a `JointState` that steer and drive.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub joints: Option<Joints>,
 }
 
-/// The messages that a stream may be made of, the usual one first; none of a stream that is no ROS
+/// Message types that a stream may have, the usual one first; empty for a stream without a ROS
 /// topic.
 pub const fn message_types(stream: Stream) -> &'static [MessageType] {
     match stream {
@@ -121,7 +121,7 @@ pub const fn message_types(stream: Stream) -> &'static [MessageType] {
     }
 }
 
-/// The streams that ROS 2 topics carry.
+/// Streams that ROS 2 topics carry.
 pub const STREAMS_OF_TOPICS: [Stream; 5] = [
     Stream::WheelOdometry,
     Stream::Steering,
@@ -130,38 +130,38 @@ pub const STREAMS_OF_TOPICS: [Stream; 5] = [
     Stream::LidarOdometry,
 ];
 
-/// A topic and the stream that it is.
+/// Topic and the stream that it carries.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TopicRole {
-    /// Its name below the robot.
+    /// Name below the robot.
     pub topic: TopicName,
-    /// What it carries.
+    /// Stream of the topic.
     pub stream: Stream,
 }
 
 impl RobotStreams {
-    /// What is configured.
+    /// Configured fields.
     pub fn fields(&self) -> &StreamsFields {
         &self.0
     }
 
-    /// Whether nothing is.
+    /// True if nothing is configured.
     pub fn is_default(&self) -> bool {
         self.0 == StreamsFields::default()
     }
 
-    /// What a stream's messages are configured to be.
+    /// Configured message type of a stream.
     pub fn message_type(&self, stream: Stream) -> Option<MessageType> {
         self.0.source(stream)?.message_type
     }
 
-    /// The joints, of a robot that sends them.
+    /// Joints of a robot that sends them.
     pub fn joints(&self) -> Option<&Joints> {
         self.0.joints.as_ref()
     }
 
-    /// Keeps a stored robot's former usual topic for wheel odometry, where neither it nor this
-    /// configuration in its place names one.
+    /// Keeps a stored robot's former default topic of wheel odometry, unless this configuration or
+    /// the stored one names a topic.
     pub fn keep_former_topic(&mut self, stored: &Self) {
         self.0.former_topic |= stored.0.former_topic;
         if self.0.names_wheel_odometry() {
@@ -169,7 +169,7 @@ impl RobotStreams {
         }
     }
 
-    /// The topic of wheel odometry, where the robot names none.
+    /// Default topic of wheel odometry.
     fn usual_topic(&self, settings: &Ros2Settings) -> TopicName {
         match &settings.wheel_odometry {
             Some(topic) => topic.clone(),
@@ -178,7 +178,7 @@ impl RobotStreams {
         }
     }
 
-    /// The robot's topics: its own, and those of `settings` for what it does not say.
+    /// Topics of the robot: its own, and those of `settings` for the others.
     pub fn roles(&self, settings: &Ros2Settings) -> Vec<TopicRole> {
         let mut roles: Vec<TopicRole> = STREAMS_OF_TOPICS
             .into_iter()
@@ -206,7 +206,7 @@ impl RobotStreams {
 }
 
 impl StreamsFields {
-    /// The topic of a stream, where it is configured.
+    /// Configured source of a stream, if any.
     pub fn source(&self, stream: Stream) -> Option<&Source> {
         match stream {
             Stream::WheelOdometry => self.wheel_odometry.as_ref(),
@@ -218,7 +218,7 @@ impl StreamsFields {
         }
     }
 
-    /// Whether it says where steering and speed are.
+    /// True if it names a topic of wheel odometry, steering or speed.
     fn names_wheel_odometry(&self) -> bool {
         self.wheel_odometry.is_some() || self.steering.is_some() || self.speed.is_some()
     }

@@ -1,17 +1,18 @@
-//! Places of ROS 2 robots' topics, unless a robot's own configuration says otherwise.
+//! Default keys of ROS 2 robots' topics.
 
 use fleetcal_proto::ros2_key::KeyTemplate;
 use serde::{Deserialize, Serialize};
 
 use super::NAME_BYTES_MAX;
 
-/// Where robots' topics are in Zenoh: `[ros2]` of `fleetcal.toml`.
+/// Keys of robots' topics in Zenoh: `[ros2]` of `fleetcal.toml`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Ros2Settings {
-    /// Templates of the keys of `rmw_zenoh`, without type and hash; none switches them off.
+    /// Templates of the keys of `rmw_zenoh`, without type and hash; an empty list switches them
+    /// off.
     pub rmw_zenoh: Vec<KeyTemplate>,
-    /// Templates of the keys of `zenoh-bridge-ros2dds`; none switches them off.
+    /// Templates of the keys of `zenoh-bridge-ros2dds`; an empty list switches them off.
     pub bridge: Vec<KeyTemplate>,
     /// Topic of wheel odometry, measured steering and speed, unless a robot's own `streams` say
     /// otherwise; `wheel_odometry` unless given.
@@ -21,10 +22,10 @@ pub struct Ros2Settings {
     pub scan: TopicName,
     /// Topic of the LiDAR's poses.
     pub lidar_odometry: TopicName,
-    /// Further topics that robots which register later may use over the bridge: the access list
-    /// is made when the service starts, and the bridge's keys do not say what they carry.
+    /// Additional topics that robots registered later may use over the bridge: the access list is
+    /// built when the service starts, and the bridge's keys do not state their type.
     pub bridge_topics: Vec<TopicName>,
-    /// Whether the approved calibration is also published as a ROS 2 topic.
+    /// True if the approved calibration is also published as a ROS 2 topic.
     pub publish_calibration: bool,
 }
 
@@ -43,19 +44,21 @@ impl Default for Ros2Settings {
     }
 }
 
-/// A topic's name below its robot, `front/scan`: chunks parted by one slash, none at the ends.
+/// Name of a topic below its robot, such as `front/scan`: chunks parted by one slash, and no slash
+/// at the ends.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(value_type = String))]
 pub struct TopicName(String);
 
 impl TopicName {
-    /// Where wheel odometry is unless somebody says otherwise.
+    /// Default topic of wheel odometry.
     pub(super) fn wheel_odometry() -> Self {
         Self("wheel_odometry".to_owned())
     }
 
-    /// Where it was before: by convention the topic of the command on Ackermann robots.
+    /// Former default topic of wheel odometry: by convention the topic of the command on Ackermann
+    /// robots.
     pub(super) fn former_wheel_odometry() -> Self {
         Self("drive".to_owned())
     }

@@ -1,4 +1,4 @@
-//! One message on its way to one receiver.
+//! Delivery of one message to one receiver.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use super::record::WebhookEvent;
 use super::signature::Secret;
 use crate::limits;
 
-/// Where a delivery stands.
+/// State of a delivery.
 #[derive(
     Debug,
     Clone,
@@ -31,16 +31,16 @@ use crate::limits;
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "snake_case")]
 pub enum DeliveryState {
-    /// It is tried, or tried again.
+    /// Waiting for its first or next attempt.
     Waiting,
-    /// The receiver has taken it.
+    /// Accepted by the receiver.
     Delivered,
-    /// The receiver did not take it in time, or too many newer ones wait.
+    /// Given up: the receiver did not accept it in time, or too many newer ones wait.
     GivenUp,
 }
 
 impl DeliveryState {
-    /// All of them.
+    /// Every state.
     pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
 
     /// The name in documents and in the database.
@@ -48,63 +48,63 @@ impl DeliveryState {
         self.into()
     }
 
-    /// The state of this name.
+    /// Parses the name of a state.
     pub fn parse(name: &str) -> Option<Self> {
         name.parse().ok()
     }
 }
 
-/// One attempt at a delivery.
+/// Attempt at a delivery.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Attempt {
-    /// When it began, ns since 1970, wall time.
+    /// Begin of the attempt, ns since 1970, wall time.
     pub at_ns: WallTime,
-    /// How long it took, ms.
+    /// Duration of the attempt, ms.
     pub took_ms: u64,
-    /// The HTTP status of the answer; `None` when there was none.
+    /// HTTP status of the answer; `None` without an answer.
     pub status: Option<u16>,
-    /// Why there was none.
+    /// Reason for which there was no answer.
     pub error: Option<String>,
 }
 
 impl Attempt {
-    /// Whether the receiver has taken the message. A redirection is not followed.
+    /// True if the receiver accepted the message; a redirection is not followed.
     pub fn is_taken(&self) -> bool {
         self.status
             .is_some_and(|status| (200..300).contains(&status))
     }
 }
 
-/// One message on its way to one receiver.
+/// Delivery of one message to one receiver.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Delivery {
-    /// Its number.
+    /// Number of the delivery.
     pub id: DeliveryId,
-    /// To which webhook.
+    /// Webhook of the receiver.
     pub webhook: WebhookId,
-    /// The message's `webhook-id`.
+    /// `webhook-id` of the message.
     pub message: String,
-    /// What it tells.
+    /// Event that the message reports.
     pub event: WebhookEvent,
-    /// The body, byte for byte.
+    /// Body, byte for byte.
     pub body: String,
-    /// When it happened, ns since 1970, wall time.
+    /// Time of the event, ns since 1970, wall time.
     pub created_ns: WallTime,
-    /// Where it stands.
+    /// State of the delivery.
     pub state: DeliveryState,
-    /// When it is tried next.
+    /// Time of the next attempt.
     pub due_ns: WallTime,
-    /// How many attempts there were.
+    /// Number of attempts made.
     pub attempts_made: u32,
-    /// The latest [`limits::WEBHOOK_ATTEMPTS_KEPT`] of them, oldest first.
+    /// Latest [`limits::WEBHOOK_ATTEMPTS_KEPT`] attempts, oldest first.
     pub attempts: Vec<Attempt>,
-    /// When it was taken or given up.
+    /// Time at which it was delivered or given up.
     pub finished_ns: Option<WallTime>,
 }
 
 impl Delivery {
-    /// A message of `now` that waits for a webhook with this secret. The store gives the number.
+    /// Delivery at `now` of a message for a webhook with this secret. The store assigns the number.
     pub fn new(webhook: WebhookId, secret: &Secret, message: &Message, now: WallTime) -> Self {
         Self {
             id: DeliveryId(0),
@@ -122,7 +122,7 @@ impl Delivery {
     }
 
     /// The delivery after an attempt that ended at `now`; `jitter` is a random number from 0 to 1.
-    /// One that was given up meanwhile stays so, unless the receiver has taken it.
+    /// A delivery that was given up meanwhile stays so, unless the receiver accepted it.
     #[must_use]
     pub fn after(&self, attempt: Attempt, now: WallTime, jitter: f64) -> Self {
         let mut after = self.clone();
@@ -150,9 +150,9 @@ impl Delivery {
     }
 }
 
-/// How long to wait after so many attempts: twice as long each time, up to
-/// [`limits::WEBHOOK_BACKOFF_MAX`], of which `jitter` (a random number from 0 to 1) takes up to a
-/// half away, so that many messages do not come back at the same moment.
+/// Wait after so many attempts: twice as long each time, up to [`limits::WEBHOOK_BACKOFF_MAX`], and
+/// shortened at random by up to a half (`jitter`, from 0 to 1), so that many messages do not return
+/// at the same moment.
 pub fn backoff(attempts_made: u32, jitter: f64) -> Duration {
     let doublings = attempts_made.saturating_sub(1).min(16);
     let whole = limits::WEBHOOK_BACKOFF_FIRST.saturating_mul(1 << doublings);

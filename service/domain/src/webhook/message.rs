@@ -12,12 +12,12 @@ use crate::approval::{Outcome, Proposal, ProposalAction, Revision, Transition};
 use crate::standing::Standing;
 use crate::timestamp;
 
-/// A message before it is signed.
+/// Message before it is signed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
-    /// What it tells.
+    /// Event that it reports.
     pub event: WebhookEvent,
-    /// What it is about: with the webhook's secret this gives the `webhook-id`.
+    /// Subject, from which the webhook's secret makes the `webhook-id`.
     pub subject: String,
     /// The body.
     pub body: String,
@@ -31,38 +31,38 @@ struct Body<T> {
     data: T,
 }
 
-/// An alert, and how its robot stands with it.
+/// Alert with the standing of its robot.
 #[derive(Serialize)]
 struct Told {
     #[serde(flatten)]
     alert: AlertDocument,
-    /// `null` of an alert that is about several robots.
+    /// Standing of the robot; `null` for an alert about several.
     standing: Option<Standing>,
 }
 
-/// A proposal that waits for people.
+/// Proposal that awaits approval.
 #[derive(Serialize)]
 struct Waiting<'a> {
     id: ProposalId,
     robot: &'a RobotId,
     version: Version,
-    /// How the robot stands; `null` of one that sends nothing and is not configured.
+    /// Standing of the robot; `null` for one that sends nothing and is not configured.
     standing: Option<Standing>,
     proposed_by: &'a str,
     reason: Option<&'a str>,
     expires: Timestamp,
     approvals_needed: u32,
-    /// What the robot uses now; `null` when nobody knows.
+    /// Values in use; `null` if unknown.
     base: Option<CalibrationValues>,
     values: Option<CalibrationValues>,
     sigmas: Option<CalibrationValues>,
 }
 
 impl Message {
-    /// What is told of an alert, with how its robot stands.
+    /// Message about an alert, with its robot's standing.
     ///
     /// # Errors
-    /// When it cannot be written as JSON.
+    /// If it cannot be written as JSON.
     pub fn of_alert(
         alert: &Alert,
         notice: Notice,
@@ -78,10 +78,10 @@ impl Message {
         Self::new(event, subject, Told { alert, standing }, now)
     }
 
-    /// What is told of a proposal that waits, with how its robot stands.
+    /// Message about a proposal that awaits approval, with its robot's standing.
     ///
     /// # Errors
-    /// When it cannot be written as JSON.
+    /// If it cannot be written as JSON.
     pub fn of_proposal(
         proposal: &Proposal,
         revision: Option<&Revision>,
@@ -105,10 +105,10 @@ impl Message {
         Self::new(WebhookEvent::ProposalWaiting, subject, data, now)
     }
 
-    /// What is told of a transition of `outcome`; `None` of one that nobody is told of.
+    /// Message about a transition of `outcome`; `None` for one that is not published.
     ///
     /// # Errors
-    /// When it cannot be written as JSON.
+    /// If it cannot be written as JSON.
     pub fn of_transition(
         transition: &Transition,
         outcome: &Outcome,

@@ -1,5 +1,5 @@
-//! Telling other programs over HTTP: what is sent to whom, how it is signed, and when it is tried
-//! again. Pure: no clock, no randomness, no wire.
+//! Webhooks: messages to other programs over HTTP, their signatures and their attempts. Pure: no
+//! clock, no randomness, no wire.
 //!
 //! Messages follow the Standard Webhooks scheme: a JSON body with `type`, `timestamp` and `data`,
 //! and the headers `webhook-id`, `webhook-timestamp` and `webhook-signature`.

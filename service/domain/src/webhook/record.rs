@@ -8,7 +8,7 @@ use url::Url;
 
 use crate::limits;
 
-/// What somebody can be told of.
+/// Event that a webhook can report.
 #[derive(
     Debug,
     Clone,
@@ -25,22 +25,22 @@ use crate::limits;
 )]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum WebhookEvent {
-    /// An alert began to alert.
+    /// First alert of a problem.
     #[serde(rename = "alert.alerting")]
     #[strum(serialize = "alert.alerting")]
     AlertAlerting,
-    /// An alert is over.
+    /// End of an alert.
     #[serde(rename = "alert.resolved")]
     #[strum(serialize = "alert.resolved")]
     AlertResolved,
-    /// A proposal waits for people.
+    /// Proposal that awaits approval.
     #[serde(rename = "proposal.waiting")]
     #[strum(serialize = "proposal.waiting")]
     ProposalWaiting,
 }
 
 impl WebhookEvent {
-    /// All of them.
+    /// Every event.
     pub const ALL: [Self; 3] = [
         Self::AlertAlerting,
         Self::AlertResolved,
@@ -52,37 +52,36 @@ impl WebhookEvent {
         self.into()
     }
 
-    /// The event of this name.
+    /// Parses the name of an event.
     pub fn parse(name: &str) -> Option<Self> {
         name.parse().ok()
     }
 }
 
-/// Why a webhook was refused.
+/// Reason for which a webhook was refused.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum WebhookRefused {
-    /// No webhook has this number.
+    /// Unknown number.
     #[error("no webhook {0} is known")]
     Unknown(WebhookId),
-    /// Its address cannot be told anything.
+    /// Address that no message can be sent to.
     #[error("url: got {url:?}, expected {accepted}")]
     Url {
-        /// What was given.
+        /// Given address.
         url: String,
-        /// What would have been accepted.
+        /// Accepted addresses, in words.
         accepted: &'static str,
     },
-    /// Another webhook has this address.
+    /// Address of another webhook.
     #[error("url is that of webhook {0} already")]
     UrlTaken(WebhookId),
-    /// There are too many.
+    /// Limit of webhooks reached.
     #[error("{} webhooks are there, which is the limit", limits::WEBHOOKS_MAX)]
     TooMany,
 }
 
-/// An address that a message can be sent to: `http` or `https`, with a host, without user,
-/// password and fragment. Addresses of the site's own network are accepted: most receivers are
-/// there.
+/// Address that messages can be sent to: `http` or `https`, with a host, without user, password and
+/// fragment. Addresses of the site's own network are accepted, since most receivers are there.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct WebhookUrl(Url);
@@ -117,7 +116,7 @@ impl WebhookUrl {
         Ok(Self(url))
     }
 
-    /// Scheme, host and port: what everybody may see, for the rest is often a secret itself.
+    /// Scheme, host and port: the public part of the address, as the rest is often a secret itself.
     pub fn origin(&self) -> String {
         self.0.origin().ascii_serialization()
     }
@@ -142,31 +141,31 @@ impl From<WebhookUrl> for String {
     }
 }
 
-/// Somebody who is told. The secret that signs the messages is kept beside it.
+/// Receiver of messages. The secret that signs its messages is stored separately.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Webhook {
-    /// Its number; the store gives it, and 0 stands for none yet.
+    /// Number that the store assigns; 0 before that.
     #[serde(skip)]
     pub id: WebhookId,
-    /// Where messages go.
+    /// Address of the receiver.
     pub url: WebhookUrl,
-    /// What it is told of.
+    /// Events that it receives.
     pub events: Vec<WebhookEvent>,
-    /// Who made it.
+    /// Person or tool that created it.
     pub created_by: String,
-    /// When, ns since 1970, wall time.
+    /// Time of its creation, ns since 1970, wall time.
     pub created_ns: WallTime,
 }
 
 impl Webhook {
-    /// What the audit shows of it.
+    /// Record for the audit, without the secret part of its address.
     pub fn audited(&self) -> serde_json::Value {
         serde_json::json!({ "origin": self.url.origin(), "events": self.events })
     }
 }
 
-/// Allows a webhook with this address beside those that are `present`.
+/// Allows a webhook with this address beside the present ones.
 ///
 /// # Errors
 /// [`WebhookRefused::UrlTaken`] or [`WebhookRefused::TooMany`].

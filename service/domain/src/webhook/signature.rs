@@ -5,13 +5,13 @@ use base64::prelude::BASE64_STANDARD;
 use hmac::{Hmac, Mac};
 use sha2::Sha256;
 
-/// What a secret's text begins with.
+/// Prefix of a secret's text.
 const PREFIX: &str = "whsec_";
 /// Hexadecimal digits of a message's id.
 const ID_DIGITS: usize = 24;
 
-/// What a webhook's messages are signed with. It has to be kept as it is, because both sides sign
-/// with it; it is shown once, and never printed.
+/// Secret that signs a webhook's messages. It is stored in plain form, because both sides sign with
+/// it; it is shown once, and never printed.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Secret(Vec<u8>);
 
@@ -22,30 +22,30 @@ impl std::fmt::Debug for Secret {
 }
 
 impl Secret {
-    /// A secret of these bytes, of which the scheme accepts 24 to 64.
+    /// Makes a secret of these bytes, of which the scheme accepts 24 to 64.
     pub fn from_bytes(bytes: Vec<u8>) -> Self {
         Self(bytes)
     }
 
-    /// The bytes, to be kept.
+    /// Bytes to be stored.
     pub fn as_bytes(&self) -> &[u8] {
         &self.0
     }
 
-    /// The secret as the receiver is given it: `whsec_` and base64.
+    /// Text for the receiver: `whsec_` and base64.
     pub fn to_text(&self) -> String {
         format!("{PREFIX}{}", BASE64_STANDARD.encode(&self.0))
     }
 
-    /// The `webhook-signature` of a message: HMAC-SHA256 over `id.timestamp.body`, the time in
-    /// seconds since 1970.
+    /// Signature for the header `webhook-signature`: HMAC-SHA256 over `id.timestamp.body`, the time
+    /// in seconds since 1970.
     pub fn sign(&self, id: &str, timestamp_s: i64, body: &str) -> String {
         let code = self.code(&[id, ".", &timestamp_s.to_string(), ".", body]);
         format!("v1,{}", BASE64_STANDARD.encode(code))
     }
 
-    /// The `webhook-id` of a message about `subject`: the same for each attempt, and another one for
-    /// every webhook.
+    /// Identifier for the header `webhook-id` of a message about `subject`: the same for each
+    /// attempt, and another one for every webhook.
     pub fn message_id(&self, subject: &str) -> String {
         let code = self.code(&["webhook-id ", subject]);
         let digits: String = hex::encode(code).chars().take(ID_DIGITS).collect();

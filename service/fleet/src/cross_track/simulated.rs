@@ -12,16 +12,16 @@ use fleetcal_robot::simulator::{
 
 use super::*;
 
-/// How long each robot drives with its drawing, and then with its true calibration, s.
+/// Duration for which each robot drives with its drawing, and then with its true calibration, s.
 const BEFORE_S: f64 = 90.0;
 const AFTER_S: f64 = 150.0;
-/// The forecast is met within this factor.
+/// Factor within which the forecast has to hold.
 const FACTOR: f64 = 1.5;
 
-/// What a robot is off by: its steering, degrees, and its LiDAR, mm and degrees.
+/// Errors of a robot's drawing: steering, degrees, and LiDAR, mm and degrees.
 type Off = (f64, (f64, f64, f64));
 
-/// Offsets of either sign, large and small, alone and so that their errors add up or cancel.
+/// Offsets of either sign, large and small, alone and in combinations that add up or cancel.
 const OFF: [Off; 12] = [
     (2.92, (0.0, 0.0, 0.0)),
     (-1.25, (0.0, 0.0, 0.0)),
@@ -54,7 +54,7 @@ fn robot(seed: u64, route: Route, (steering_deg, mount): Off) -> SimulationConfi
     config
 }
 
-/// Drives on and takes what the robot reports.
+/// Drives on and adds the errors that the robot reports.
 fn drive(simulation: &mut Simulation, tracks: &mut CrossTracks, generation: u64, seconds: f64) {
     for emitted in simulation.run(seconds) {
         if let SimulatedMessage::CrossTrackError(error) = emitted.message {
@@ -63,7 +63,7 @@ fn drive(simulation: &mut Simulation, tracks: &mut CrossTracks, generation: u64,
     }
 }
 
-/// What is promised to a robot, and the RMS that it reports afterwards, m.
+/// Returns the gain promised to a robot, and the RMS that it reports afterwards, m.
 fn promised_and_measured(config: SimulationConfig) -> (ExpectedGain, f64) {
     let truth = config.vehicle;
     let nominal = config.applied.lidar_in_base;
@@ -103,8 +103,8 @@ fn promised_and_measured(config: SimulationConfig) -> (ExpectedGain, f64) {
     (promise, tracks.all()[&Generation(1)].rms_m())
 }
 
-/// True if the forecast holds for a robot on a route, `expected_rms_m` itself or the span above it;
-/// and whether what it is off by is of any use to mend, where that is a degree or more.
+/// Asserts that the forecast holds for a robot on a route, by `expected_rms_m` itself or by the
+/// span above it; and that it is worth acting on where the error is a degree or more.
 fn check(seed: u64, route: &Route, off: Off, is_near: fn(&ExpectedGain, f64) -> bool) {
     let (promise, after_m) = promised_and_measured(robot(seed, route.clone(), off));
     let mm = [

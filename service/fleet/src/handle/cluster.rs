@@ -21,8 +21,8 @@ use crate::running;
 use crate::tenancy::{Keep, Tenancy};
 
 impl FleetHandle {
-    /// Begins to keep the messages of robots that this instance is to have, for their tasks. Those
-    /// that it has or hears already are left as they are.
+    /// Begins to keep the messages of robots that this instance is to adopt, for their tasks.
+    /// Robots that it estimates or keeps messages of already are unaffected.
     pub fn hear(&self, robots: &[RobotId]) {
         let mut begins = false;
         for id in robots {
@@ -31,7 +31,7 @@ impl FleetHandle {
         self.heard_has_changed(begins);
     }
 
-    /// Keeps the messages of robots no more that this instance was to have.
+    /// Stops keeping the messages of robots that this instance was to adopt.
     pub fn unhear(&self, robots: &[RobotId]) {
         let mut ends = false;
         for robot in robots.iter().filter_map(|id| self.fleet.find(id.as_str())) {
@@ -40,7 +40,7 @@ impl FleetHandle {
         self.heard_has_changed(ends);
     }
 
-    /// The robots whose messages are wanted; `None` where one service has all robots.
+    /// Returns the robots whose messages are wanted; `None` where one service has all robots.
     pub fn heard(&self) -> Option<BTreeSet<RobotId>> {
         self.fleet.membership.cluster()?;
         let robots = self.fleet.all().into_iter();
@@ -48,12 +48,12 @@ impl FleetHandle {
         Some(heard.map(|robot| robot.id.clone()).collect())
     }
 
-    /// Tells of every change of [`FleetHandle::heard`] from now on.
+    /// Returns a channel that signals every change of [`FleetHandle::heard`] from now on.
     pub fn heard_changed(&self) -> watch::Receiver<u64> {
         self.fleet.heard.subscribe()
     }
 
-    /// Takes to which robots the link is subscribed.
+    /// Sets the robots that the link is subscribed to.
     pub fn set_subscribed(&self, robots: BTreeSet<RobotId>) {
         self.fleet.subscribed.send_replace(robots);
     }
@@ -72,9 +72,9 @@ impl FleetHandle {
         }
     }
 
-    /// Begins to estimate a robot, from what an instance before has stored. The robot's messages
-    /// that were heard meanwhile follow, but for those that the state has taken. One that is
-    /// estimated here already goes on as it is.
+    /// Begins to estimate a robot from the state that the former instance stored. The messages kept
+    /// meanwhile follow, except those that the state already covers. A robot that is estimated here
+    /// already is unaffected.
     pub fn adopt(&self, id: &RobotId, stored: Option<Vec<u8>>) {
         let robot = self.fleet.find_or_add(id);
         if !robot.mailbox.open() {
@@ -92,8 +92,8 @@ impl FleetHandle {
         self.heard_has_changed(true);
     }
 
-    /// Ends to estimate a robot: its task has ended when this returns, and another instance may go
-    /// on. It is mirrored from now on.
+    /// Ends estimating a robot: on return its task has ended, and another instance may continue.
+    /// The robot is mirrored from now on.
     pub async fn release(&self, id: &RobotId, keep: Keep) {
         let Some(robot) = self.fleet.find(id.as_str()) else {
             return;
@@ -146,13 +146,13 @@ impl FleetHandle {
         *tenancy = Tenancy::Running(running::begin(&self.fleet, Arc::clone(robot), awaited));
     }
 
-    /// Whether a robot has its vehicle.
+    /// True if a robot has its vehicle.
     pub fn is_registered(&self, id: &RobotId) -> bool {
         let robot = self.fleet.find(id.as_str());
         robot.is_some_and(|robot| robot.is_configured())
     }
 
-    /// Whether another instance has the robot, and this one is not to have it.
+    /// True if another instance estimates the robot, and this one is not to adopt it.
     pub(super) fn is_elsewhere(&self, id: &RobotId) -> bool {
         self.fleet.membership.cluster().is_some()
             && self.fleet.find(id.as_str()).is_some_and(|robot| {
@@ -160,9 +160,9 @@ impl FleetHandle {
             })
     }
 
-    /// What other instances should hear of this one's robots since this was last asked; to be asked
-    /// every [`fleetcal_domain::limits::DIGEST_EVERY`]. Robots that nobody has registered are told
-    /// by the instance that listens to them.
+    /// Returns the reports on this instance's robots since the last call; to be called every
+    /// [`fleetcal_domain::limits::DIGEST_EVERY`]. Unregistered robots are reported by the instance
+    /// that has the duty of discovery.
     pub fn reports(&self, told: &mut Reported) -> Vec<RobotReport> {
         told.live.get_or_insert_with(|| self.live());
         let mut events = told.take_events();
@@ -240,8 +240,8 @@ impl FleetHandle {
         })
     }
 
-    /// Takes what another instance says of its robots, and tells listeners what is new. What it
-    /// says of a robot that is estimated here, or of which a later tenure was heard, is left out.
+    /// Stores another instance's reports on its robots and publishes the changes to listeners.
+    /// Reports on a robot that is estimated here, or that has a later tenure, are dropped.
     pub fn take_reports(&self, from: &InstanceId, reports: Vec<RobotReport>) {
         let sender = Sender {
             instance: from,
@@ -282,7 +282,7 @@ impl FleetHandle {
     }
 }
 
-/// All that is told of a robot now and then.
+/// Collects the details of a robot that are reported now and then.
 fn details(robot: &Robot, view: &RobotView) -> ReportDetails {
     let verification = view.verification.as_ref();
     let verification =
@@ -299,7 +299,7 @@ fn details(robot: &Robot, view: &RobotView) -> ReportDetails {
     }
 }
 
-/// A part of [`REPORT_WHOLE_EVERY`], by a robot's id.
+/// Returns a fraction of [`REPORT_WHOLE_EVERY`] that depends on a robot's id.
 fn spread(id: &RobotId) -> Duration {
     let sum: u64 = id.as_str().bytes().map(u64::from).sum();
     let whole_ms = u64::try_from(REPORT_WHOLE_EVERY.as_millis()).unwrap_or(u64::MAX);

@@ -8,17 +8,17 @@ use fleetcal_model::Stream;
 
 use super::message::Message;
 
-/// Messages that were heard before the task began, by class.
+/// Early messages, received before the task began, by class.
 #[derive(Debug, Default)]
 pub(super) struct Heard {
     pub(super) waiting: [usize; Class::COUNT],
     pub(super) bytes: usize,
-    /// Those that were pushed out. They count as dropped once it turns out that the task before had
-    /// not taken them.
+    /// Early messages that were pushed out. They count as dropped once the former task is known not
+    /// to have processed them.
     pub(super) pushed_out: [u64; Class::COUNT],
 }
 
-/// What is dropped together.
+/// Class of messages that are dropped together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Class {
     WheelOdometry,
@@ -47,12 +47,12 @@ impl Class {
 }
 
 impl Heard {
-    /// How many wait.
+    /// Returns the number of early messages that wait.
     pub(super) fn len(&self) -> usize {
         self.waiting.iter().sum()
     }
 
-    /// Takes that a message waits no more.
+    /// Records that a message no longer waits.
     pub(super) fn left(&mut self, message: &Message) {
         if let Some(waiting) = self.waiting.get_mut(Class::of(message.stream) as usize) {
             *waiting = waiting.saturating_sub(1);

@@ -6,56 +6,57 @@ use fleetcal_proto::message_type::Form;
 use crate::notes::Noted;
 use crate::senders::Origin;
 
-/// A message as it came in, not decoded yet.
+/// Message as it was received, not decoded yet.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
-    /// The stream it came on.
+    /// Stream of the message.
     pub stream: Stream,
-    /// How it is written.
+    /// Encoding and type of the message.
     pub form: Form,
     /// Origin, where that is known.
     pub origin: Option<Origin>,
-    /// Its bytes.
+    /// Payload.
     pub payload: Vec<u8>,
 }
 
-/// What waits for a robot's task.
+/// Item that waits for a robot's task.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Item {
     /// A message of the robot.
     Message(Message),
-    /// One that came before the task began: it may be taken already by the task before.
+    /// A message that came before the task began; the former task may have processed it already.
     Heard(Message),
-    /// A note of a person or a tool: it is in the history already.
+    /// A note of a person or a tool, which is in the history already.
     Note(Noted),
     /// The robot's session has ended.
     EndOfSession,
-    /// The robot has said what it uses: what stands behind this was sent later, or is in flight.
+    /// The robot has reported the values in use: items behind this were sent later, or are in
+    /// flight.
     ValuesHeard,
 }
 
-/// What became of a message that the task took.
+/// Outcome of a message that the task processed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
-    /// The estimator has it.
+    /// The estimator has processed it.
     Processed {
         /// Its header stamp, ns since 1970.
         stamp_ns: RobotTime,
     },
-    /// It was refused, for this reason.
+    /// Refused, for this reason.
     Refused(String),
-    /// The estimator had it already: it is in the state that the task began with.
+    /// The estimator had it already: the state that the task began with covers it.
     Known,
 }
 
-/// For whom a mailbox takes messages.
+/// Recipient of a mailbox's messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Recipient {
-    /// The robot's task, which works them off.
+    /// The robot's task, which processes them.
     #[default]
     Task,
-    /// A task that is to begin. Another instance has the robot.
+    /// A task that is to begin, while another instance still estimates the robot.
     Heir,
-    /// Nobody: another instance has the robot.
+    /// Nobody, because another instance estimates the robot.
     Nobody,
 }

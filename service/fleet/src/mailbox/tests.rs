@@ -86,8 +86,8 @@ fn a_long_reason_is_cut_between_characters() {
 }
 
 proptest! {
-    /// Whatever comes and goes: the order of arrival stays, the limits hold, no message
-    /// vanishes uncounted, and no drive sample is dropped while a scan waits.
+    /// Applies random sequences: the order of arrival stays, the limits hold, every lost message is
+    /// counted, and no drive sample is dropped while a scan waits.
     #[test]
     fn nothing_is_lost_uncounted(
         steps in prop::collection::vec((0_u8..12, 1_usize..300), 1..60)

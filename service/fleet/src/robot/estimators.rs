@@ -9,25 +9,25 @@ use fleetcal_proto::estimate::EstimatedBy;
 
 use crate::report::RobotReport;
 
-/// Which instance estimates a robot, and what it says where that is another one.
+/// Instance that estimates a robot, and the report of that instance where it is another one.
 #[derive(Debug, Default)]
 pub(super) struct Estimators {
-    /// The highest epoch that was heard of: what comes with a lower one is of an instance that was
-    /// replaced.
+    /// Highest known epoch: a report with a lower one comes from an instance that was replaced.
     pub(super) epoch: Epoch,
-    /// Who estimates it, as far as is known here.
+    /// Instance that estimates it, as far as it is known here.
     pub(super) by: Option<EstimatedBy>,
     pub(super) mirror: Option<Mirror>,
 }
 
-/// A report is of an instance that was replaced: the robot is estimated here, or by a later one.
+/// Refusal of a report from an instance that was replaced: the robot is estimated here, or by a
+/// later one.
 #[derive(Debug, Clone, Copy)]
 pub struct Replaced;
 
-/// What another instance reported last.
+/// Last report of another instance.
 #[derive(Debug)]
 pub(super) struct Mirror {
-    /// When, running time.
+    /// Running time of its arrival.
     pub(super) at: Duration,
     pub(super) stale: bool,
     pub(super) last_seen_ns: Option<WallTime>,
@@ -37,7 +37,7 @@ pub(super) struct Mirror {
 }
 
 impl Mirror {
-    /// What a report says, and what it leaves as it was before.
+    /// Makes the mirror of a report, with the previous values where it has none.
     pub(super) fn of(at: Duration, report: &RobotReport, before: Option<Self>) -> Self {
         let mirror = Self {
             at,

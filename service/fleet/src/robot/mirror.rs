@@ -15,18 +15,18 @@ use crate::report::{ReportDetails, RobotReport, Sender, Urgent};
 use crate::tenancy::Tenancy;
 
 impl Robot {
-    /// Whether its task is here, or is to be.
+    /// True if its task is here, or is to be.
     pub fn is_here(&self) -> bool {
         self.mailbox.recipient() == Recipient::Task
     }
 
-    /// Whether its messages are kept although its configuration is not known yet.
+    /// True if its messages are kept although its configuration is not known yet.
     pub fn is_awaited(&self) -> bool {
         let is_awaited = matches!(*lock(&self.tenancy), Tenancy::Awaited(_));
         is_awaited || self.mailbox.recipient() == Recipient::Heir
     }
 
-    /// Takes that this instance has begun to estimate it.
+    /// Records that this instance has begun to estimate it.
     pub fn begins_here(&self, by: Option<EstimatedBy>) {
         let mut estimators = lock(&self.estimators);
         if let Some(by) = &by {
@@ -44,24 +44,24 @@ impl Robot {
         }
     }
 
-    /// Takes that this instance estimates it no more.
+    /// Records that this instance no longer estimates it.
     pub fn ended_here(&self) {
         lock(&self.estimators).by = None;
         let mut link = lock(&self.link);
         link.session = super::Session::Ended;
     }
 
-    /// In which tenure it is estimated here.
+    /// Returns the epoch of its tenure here.
     pub fn epoch(&self) -> Epoch {
         lock(&self.estimators).epoch
     }
 
-    /// Which instance estimates it.
+    /// Returns the instance that estimates it.
     pub fn estimated_by(&self) -> Option<EstimatedBy> {
         lock(&self.estimators).by.clone()
     }
 
-    /// Nothing is known of it: its task begins from nothing.
+    /// Resets the view: nothing is known, and its task begins from nothing.
     pub fn show_nothing(&self) {
         let mut status = lock(&self.status);
         status.state = RobotState::NoData;
@@ -69,10 +69,11 @@ impl Robot {
         status.candidate = super::Candidate::default();
     }
 
-    /// Takes what the instance that has it says; gives the estimate, if that is a new one.
+    /// Stores the report of the instance that estimates it; returns the estimate, if that is a new
+    /// one.
     ///
     /// # Errors
-    /// When it is of an instance that was replaced.
+    /// The report comes from an instance that was replaced.
     pub fn take_report(
         &self,
         sender: Sender<'_>,
@@ -120,7 +121,7 @@ impl Robot {
         *lock(&self.cross_tracks) = super::CrossTracks::of(stored);
     }
 
-    /// Whether what is mirrored is stale; `None` of a robot that is not.
+    /// True if the mirrored report is stale; `None` for a robot that is not mirrored.
     pub(super) fn is_mirror_stale(&self, clock: &dyn Clock) -> Option<bool> {
         if self.is_here() {
             return None;
@@ -131,8 +132,8 @@ impl Robot {
         Some(mirror.stale || age >= REPORTS_STALE_AFTER)
     }
 
-    /// Connection and counters as they are shown: what the robot's instance says, or as they are
-    /// here where no other one has said anything.
+    /// Returns the connection and counters to be shown: those reported by the robot's instance, or
+    /// the own ones in the absence of a report.
     pub(super) fn mirrored(&self, own: Connection, counters: Counters) -> (Connection, Counters) {
         if self.is_here() {
             return (own, counters);
@@ -151,7 +152,7 @@ impl Robot {
         }
     }
 
-    /// What is told of it at once when it changes.
+    /// Returns the details that are reported at once when they change.
     pub(crate) fn urgent(&self) -> Urgent {
         let status = lock(&self.status);
         Urgent {

@@ -12,22 +12,22 @@ impl Robot {
         lock(&self.status).reassembly_open = is_open;
     }
 
-    /// Sets the last note that its estimator has taken: the estimate that it shows is no older.
+    /// Sets the last note that its estimator has processed: the shown estimate is no older.
     pub fn set_notes_taken(&self, until: AuditId) {
         lock(&self.status).notes_taken = Some(until);
     }
 
-    /// The last note that its estimator has taken.
+    /// Returns the last note that its estimator has processed.
     pub fn notes_taken(&self) -> Option<AuditId> {
         lock(&self.status).notes_taken
     }
 
-    /// Asks for the notes that its task was not brought.
+    /// Requests the notes that its task has not received.
     pub fn want_notes(&self) {
         self.wants_notes.store(true, Ordering::Relaxed);
     }
 
-    /// True if they were asked for since the last call.
+    /// True if notes were requested since the last call.
     pub fn wanted_notes(&self) -> bool {
         self.wants_notes.swap(false, Ordering::Relaxed)
     }

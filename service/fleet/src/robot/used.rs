@@ -5,17 +5,17 @@ use fleetcal_model::Generation;
 
 use crate::cross_track::UsedValues;
 
-/// Values that a robot compensates with, and from which of its messages on.
+/// Values that a robot compensates with, and the first of its messages that they apply to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct InForce {
     /// The values.
     pub used: UsedValues,
-    /// From this stamp on, ns since 1970 by the clock of its messages.
+    /// Stamp of that message, ns since 1970 by the clock of its messages.
     pub from_stamp: RobotTime,
 }
 
 impl InForce {
-    /// As the agent says it, until its answer has come up among the messages.
+    /// Dates the values by the agent's clock, until its report has come up among the messages.
     pub const fn as_told(used: UsedValues) -> Self {
         Self {
             used,
@@ -24,20 +24,20 @@ impl InForce {
     }
 }
 
-/// What a robot compensates with, as far as it has said.
+/// Values that a robot compensates with, as far as it has reported them.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Used {
     /// Values, oldest first.
     pub values: Vec<InForce>,
-    /// The generation to be verified, and since when it is in use by the agent's clock.
+    /// Generation in verification, and the start of its use by the agent's clock.
     pub in_verification: Option<(Generation, RobotTime)>,
-    /// Answers that have not come up among the messages yet.
+    /// Reports that have not come up among the messages yet.
     pub unheard: u32,
 }
 
 impl Used {
-    /// What the robot says now; of what it said before, the stamps are known. `true` when that is
-    /// something new.
+    /// Applies the robot's new report and keeps the known stamps of earlier values. Returns `true`
+    /// if the report changes anything.
     pub fn follow(
         &mut self,
         values: &[UsedValues],

@@ -6,7 +6,7 @@ use super::*;
 const MS: i64 = 1_000_000;
 const START_NS: i64 = 1_760_000_000_000_000_000;
 
-/// A message that says what no other says.
+/// Makes a message with a unique content.
 fn sent(stamp_ns: i64, origin: u64) -> Sent {
     Sent {
         stamp: RobotTime(START_NS + stamp_ns),
@@ -16,14 +16,15 @@ fn sent(stamp_ns: i64, origin: u64) -> Sent {
     }
 }
 
-/// How many messages there were when two senders were seen first.
+/// Returns the number of messages before two senders are detected.
 fn seen_after(messages: impl IntoIterator<Item = Sent>) -> Option<usize> {
     let mut senders = Senders::default();
     let mut messages = messages.into_iter();
     messages.position(|message| senders.take(Stream::WheelOdometry, &message))
 }
 
-/// Messages of one robot, by when they arrive: 100 each second over one connection.
+/// Makes the messages of one robot with their times of arrival: 100 each second over one
+/// connection.
 fn robot(origin: u64, phase_ns: i64, clock_ns: i64, seed: u64) -> Vec<(i64, Sent)> {
     let mut random = StdRng::seed_from_u64(seed);
     let at = (0..600).map(|number| {
@@ -152,7 +153,7 @@ fn a_robot_behind_two_bridges_is_one() {
     }
 }
 
-/// A steering angle on a winding route, rad, with the noise of a poor encoder.
+/// Returns a steering angle on a winding route, rad, with the noise of a poor encoder.
 fn winding(number: i64, phase_rad: f64, random: &mut StdRng) -> f64 {
     let noise_rad = 0.005 * (random.random::<f64>() - 0.5);
     0.3 * (0.01 * number as f64 + phase_rad).sin() + noise_rad

@@ -12,8 +12,8 @@ use crate::stored::{Stored, StoredConfig};
 use crate::verification_run::VerificationRun;
 
 impl RobotTask {
-    /// Message time between two checkpoints now, s. What an instance of a cluster has not stored is
-    /// lost to the next one.
+    /// Returns the message time between two checkpoints now, s. A takeover loses whatever an
+    /// instance of a cluster has not stored.
     pub(super) fn checkpoint_every_s(&self) -> f64 {
         if self.fleet.membership.cluster().is_some() {
             let session_s = match &self.engine {

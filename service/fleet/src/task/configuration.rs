@@ -11,8 +11,8 @@ use crate::intake::Intake;
 use crate::reading::ReadingSettings;
 
 impl RobotTask {
-    /// Begins again when the robot was configured otherwise, in what its estimate rests on. Where messages
-    /// come from and in which frames documents are is followed without.
+    /// Begins again if the robot's new configuration changes the basis of its estimate. Changes of
+    /// topics and of the documents' frames are applied without.
     pub(crate) fn follow_config(&mut self) {
         if self.robot.config_version() == self.version {
             return;

@@ -5,21 +5,21 @@ use std::collections::VecDeque;
 
 use fleetcal_estimator::{Calibrator, Event, JUMP_BACK_MIN_S, MergerPosition, Note, RobotTime};
 
-/// What the state that a task began with has taken already.
+/// Messages that the task's initial state covers already.
 #[derive(Debug)]
 pub struct Known {
     position: MergerPosition,
-    /// The robot's own notes that it has taken, each once.
+    /// The robot's own notes that it covers, each once.
     notes: VecDeque<Note>,
     until: RobotTime,
-    /// The newest message that was heard so far.
+    /// Newest early message so far.
     newest: Option<RobotTime>,
-    /// Whether the robot's clock has gone back since: stamps say nothing any more.
+    /// True if the robot's clock has gone back since, which makes stamps useless.
     clock_went_back: bool,
 }
 
 impl Known {
-    /// What an estimator that was restored has taken.
+    /// Makes the record of messages that a restored estimator covers.
     pub fn by(restored: &Calibrator, notes: VecDeque<Note>) -> Self {
         Self {
             position: restored.position(),
@@ -30,14 +30,14 @@ impl Known {
         }
     }
 
-    /// Takes the next message that was heard, by its stamp. A note's stamp says nothing of the robot's clock.
+    /// Notes the stamp of the next early message. A note's stamp does not show the robot's clock.
     pub fn hear(&mut self, stamp: RobotTime) {
         let back = |newest: RobotTime| newest.seconds_since(stamp) > JUMP_BACK_MIN_S;
         self.clock_went_back |= self.newest.is_some_and(back);
         self.newest = self.newest.max(Some(stamp));
     }
 
-    /// Whether an event of it is known.
+    /// True if an event of an early message is covered.
     pub fn has(&mut self, event: &Event) -> bool {
         if let Event::Note(note) = event {
             let at = self.notes.iter().position(|taken| taken == note);
@@ -46,7 +46,7 @@ impl Known {
         !self.clock_went_back && self.position.covers(event)
     }
 
-    /// Whether a message is known of which nothing follows by itself: half of a drive sample.
+    /// True if a message is covered that yields nothing by itself: half of a drive sample.
     pub fn has_half(&self, stamp: RobotTime) -> bool {
         !self.clock_went_back && stamp <= self.until
     }

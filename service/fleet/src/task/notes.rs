@@ -13,7 +13,8 @@ use crate::notes::Noted;
 use crate::tap::Tapped;
 
 impl RobotTask {
-    /// Takes what a person or a tool has noted, once. It is stored, and is brought again until it is taken.
+    /// Passes a note of a person or a tool to the estimator, once. The note is stored, and is
+    /// passed again until the estimator has it.
     pub(super) fn take_noted(&mut self, noted: &Noted) {
         if noted.number <= self.notes.until {
             return;
@@ -30,8 +31,8 @@ impl RobotTask {
         self.robot.set_notes_taken(noted.number);
     }
 
-    /// Takes a note of the robot's own. It stands in the history once the state with it is on its way to
-    /// the store: what people see there, the estimator has taken.
+    /// Passes the robot's own note to the estimator. The note appears in the history once the state
+    /// with it is on its way to the store, so that the estimator has every note that people see.
     pub(super) fn take_robots_note(&mut self, event: RobotEvent) -> Outcome {
         if !self.budgets.take_note(&self.fleet, &event) {
             return Outcome::Refused(format!(
@@ -52,8 +53,8 @@ impl RobotTask {
         }
     }
 
-    /// What is not known again after a reassembly is not known to an estimator that begins from nothing
-    /// either.
+    /// Repeats an open reassembly to an estimator that begins from nothing, because the values
+    /// after it are still unknown.
     pub(super) fn reopen_reassembly(&mut self) {
         let note = Note {
             stamp: self.newest,
@@ -71,14 +72,15 @@ impl RobotTask {
         }
     }
 
-    /// `false` when the estimator is stopped. One that fails on a note begins again, and takes it then.
+    /// Feeds a note to the estimator; returns `false` if that is stopped. An estimator that fails
+    /// on a note is restarted and receives it again.
     fn step_note(&mut self, note: &Note) -> bool {
         let event = Event::Note(note.clone());
         self.step(event.clone()) || self.step(event)
     }
 
-    /// Stores the state with a note, and puts it into the one before: whatever the task goes on from, the
-    /// note is in it.
+    /// Stores the state with a note, and adds the note to the state before: from either, the task
+    /// continues with the note.
     fn keep_with_note(&mut self, note: &Note) {
         self.robot.set_reassembly_open(self.is_reassembly_open());
         self.save_checkpoint();

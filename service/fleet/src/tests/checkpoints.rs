@@ -16,12 +16,12 @@ use crate::robot::Robot;
 use crate::stored::{self, Restored, Stored, StoredConfig};
 use crate::verification_run::VerificationRun;
 
-/// Most bytes of a checkpoint.
+/// Largest size of a checkpoint, bytes.
 const BYTES_MAX: usize = 10_000;
-/// Most bytes while values are in verification.
+/// Largest size of a checkpoint during verification, bytes.
 const VERIFYING_BYTES_MAX: usize = 20_000;
 
-/// A simulated robot, its estimator, and once it verifies the second one.
+/// A simulated robot, its estimator, and during verification a second one.
 struct Drive {
     simulation: Simulation,
     robot: Robot,
@@ -40,7 +40,7 @@ impl Drive {
         }
     }
 
-    /// Brings values into verification.
+    /// Puts values in verification.
     fn verify(&mut self) {
         let in_verification = Some((Generation(1), RobotTime(7)));
         self.robot.set_used(&[], in_verification);
@@ -51,7 +51,7 @@ impl Drive {
             VerificationRun::follow(None, &self.robot, &self.basis.calibrator, scanner);
     }
 
-    /// Says that the robot was switched on: what is known waits to be held against what is found.
+    /// Notes that the robot was switched on: the known values wait for a comparison with new ones.
     fn power_on(&mut self) {
         let stamp = RobotTime(self.simulation.stamp_ns());
         let kind = NoteKind::PowerOn;
@@ -63,7 +63,7 @@ impl Drive {
         emitted.filter_map(|one| event_of(one.message)).collect()
     }
 
-    /// Feeds both estimators and gives what the robot's own one said.
+    /// Feeds both estimators and returns the effects of the robot's own one.
     fn feed(&mut self, events: &[Event]) -> Vec<Effect> {
         let mut effects = Vec::new();
         for event in events {
@@ -95,7 +95,7 @@ impl Drive {
         self.stored().to_bytes().unwrap()
     }
 
-    /// The largest checkpoint of a drive, one each five seconds.
+    /// Returns the size of the largest checkpoint of a drive, with one every five seconds, bytes.
     fn largest(&mut self, duration_s: f64) -> usize {
         let steps = (duration_s / 5.0) as usize;
         let sizes = (0..steps).map(|_| {
@@ -134,7 +134,7 @@ fn event_of(message: SimulatedMessage) -> Option<Event> {
     }
 }
 
-/// A robot on the figure-eight whose own odometry sends poses.
+/// Configures a robot on the figure-eight whose own odometry sends poses.
 fn poses() -> SimulationConfig {
     let mut config = SimulationConfig::figure_eight(5);
     config.vehicle.steering_offset_rad = 0.05;
@@ -283,8 +283,8 @@ fn a_setting_that_one_version_alone_knows_loses_no_state() {
     assert!(restored.calibrator.filter().is_some());
 }
 
-/// An instance claims a robot by the format of its state: a layout that it cannot read needs a format that it
-/// does not know.
+/// Checks that a new layout has a new format: an instance claims a robot by the format of its
+/// state, and must not claim one with a layout that it cannot read.
 #[test]
 fn a_new_layout_of_the_estimators_state_is_a_new_format() {
     assert_eq!((Checkpoint::VERSION, packed::FORMAT), (9, 4));

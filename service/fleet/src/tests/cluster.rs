@@ -24,7 +24,7 @@ impl Instance {
         Self::stepping(name, robots, Calibrator::step)
     }
 
-    /// One whose estimators do something else.
+    /// Makes an instance with another estimator step.
     pub fn stepping(name: &str, robots: BTreeMap<RobotId, RobotConfig>, step: Step) -> Self {
         let name = InstanceId::parse(name).unwrap();
         let membership = Membership::of(name.clone());
@@ -42,7 +42,7 @@ impl Instance {
         }
     }
 
-    /// Takes a robot on, as the rows say it now.
+    /// Adopts a robot by its present rows.
     pub fn adopt(&self, robot: &str, epoch: i64, stored: Option<Vec<u8>>) {
         let cluster = self.membership.cluster().unwrap();
         cluster.began(Tenure {
@@ -54,7 +54,7 @@ impl Instance {
         self.bench.fleet.adopt(&id(robot), stored);
     }
 
-    /// Ends a robot and gives what was stored of it.
+    /// Releases a robot and returns its stored state.
     pub async fn release(&self, robot: &str, keep: Keep) -> Option<Vec<u8>> {
         self.bench.fleet.release(&id(robot), keep).await;
         self.membership.cluster().unwrap().ended(&id(robot));
@@ -62,7 +62,7 @@ impl Instance {
         stored.get(&id(robot)).cloned()
     }
 
-    /// Tells another instance of its robots.
+    /// Sends the reports on its robots to another instance.
     fn tell(&self, other: &Self, told: &mut Reported) -> usize {
         let reports = self.bench.fleet.reports(told);
         let count = reports.len();

@@ -11,13 +11,14 @@ use rand::{Rng, SeedableRng};
 use super::cluster::Instance;
 use super::*;
 
-/// How far a sigma may differ from that of the twin which was not moved, as a part of it.
+/// Largest difference of a sigma from that of the twin that was not moved, as a share of it.
 const SIGMA_SHIFT_MAX: f64 = 0.05;
-/// How far an estimate may. A state holds neither the anchor of the filter nor the readings that
-/// waited for their drive samples: a move costs some tenths of a second of what is measured.
+/// Largest difference of an estimate, in sigmas. A state holds neither the anchor of the filter nor
+/// the readings that waited for their drive samples: a move costs some tenths of a second of
+/// measurements.
 const SHIFT_MAX: f64 = 0.15;
 
-/// A message on its way.
+/// A message in flight.
 #[derive(Clone)]
 struct Sent {
     stream: Stream,
@@ -32,7 +33,7 @@ fn header(stamp_ns: i64) -> Header {
     }
 }
 
-/// What a simulated robot sends, in the order in which it does.
+/// Returns the messages of a simulated robot, in the order of sending.
 fn sent(config: SimulationConfig, duration_s: f64) -> Vec<Sent> {
     let mut simulation = Simulation::new(config).unwrap();
     let emitted = simulation.run(duration_s).into_iter();
@@ -101,7 +102,7 @@ fn scans(seed: u64) -> SimulationConfig {
     config
 }
 
-/// Sends what comes until that time to all of these, and waits for those that work it off.
+/// Sends the messages until a time to all of these, and waits for those that process them.
 async fn send_until(to: &[&Bench], working: &[&Bench], left: &mut &[Sent], until_ns: i64) {
     while let Some((first, rest)) = left.split_first() {
         if first.at_ns > until_ns {
@@ -119,7 +120,7 @@ async fn send_until(to: &[&Bench], working: &[&Bench], left: &mut &[Sent], until
     }
 }
 
-/// Ends the robot's session: what waits in the merger leaves it, and the state is stored.
+/// Ends the robot's session: the merger releases its waiting events, and the state is stored.
 async fn end_session(bench: &Bench) {
     let stored = || bench.kept.checkpointed.lock().unwrap().len();
     let before = stored();
@@ -133,12 +134,12 @@ async fn end_session(bench: &Bench) {
     panic!("the session does not end");
 }
 
-/// A robot's estimator after all was worked off.
+/// Returns a robot's estimate after all messages were processed.
 fn estimate(bench: &Bench) -> Arc<EstimateDocument> {
     bench.view("robot").estimate.unwrap()
 }
 
-/// The largest differences of two estimates and of their sigmas, as parts of sigma.
+/// Returns the largest differences of two estimates and of their sigmas, as shares of sigma.
 fn shifts(a: &EstimateDocument, b: &EstimateDocument) -> [f64; 2] {
     let of = |name: Parameter| {
         let (a, b) = (a.parameters.get(name), b.parameters.get(name));
@@ -159,7 +160,7 @@ fn shifts(a: &EstimateDocument, b: &EstimateDocument) -> [f64; 2] {
     [0, 1].map(|of| both.iter().map(|both| both[of]).fold(0.0, f64::max))
 }
 
-/// What a drive came to.
+/// Result of a drive.
 struct Driven {
     counts: Counts,
     twins: Counts,
@@ -170,7 +171,7 @@ fn seconds(s: f64) -> i64 {
     (s * 1e9) as i64
 }
 
-/// Drives a robot whose twin stays where it is, while it is moved at these seconds.
+/// Drives a robot that is moved at these seconds, beside a twin that stays where it is.
 async fn drive_with_moves(all: &[Sent], moves_s: &[f64], chance: &mut StdRng) -> Driven {
     let twin = bench(&["robot"]);
     let instances = ["a", "b"].map(|name| Instance::new(name, &["robot"]));

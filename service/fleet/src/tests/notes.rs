@@ -7,18 +7,18 @@ use super::*;
 
 const ROBOT: &str = "robot";
 
-/// What happens once the note is there.
+/// Disturbance after a note is stored.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Meanwhile {
-    /// The robot goes on.
+    /// The robot continues.
     Nothing,
-    /// The robot says nothing more.
+    /// The robot sends nothing more.
     Silence,
-    /// The service ends in order, and starts again.
+    /// The service stops in order, and starts again.
     Restart,
-    /// The service is killed, and starts again: of its state the latest that was stored is left.
+    /// The service is killed, and starts again from the last stored state.
     Kill,
-    /// The estimator panics on a message, and begins again from what was stored.
+    /// The estimator panics on a message, and restarts from the stored state.
     Panic,
     /// The robot's configuration is changed.
     Configured,
@@ -33,11 +33,11 @@ const ALL: [Meanwhile; 6] = [
     Meanwhile::Configured,
 ];
 
-/// A note at a random instant, with a random stamp, while something happens.
+/// A note at a random instant, with a random stamp, beside a disturbance.
 struct Instant {
     chance: StdRng,
     bench: Bench,
-    /// The notes that are stored, as the audit has them.
+    /// Stored notes, as in the audit.
     stored: Vec<Noted>,
     sent: i64,
     /// True if the history showed a note when the service was killed.
@@ -55,8 +55,8 @@ impl Instant {
         }
     }
 
-    /// Some messages, faster than the task takes them; the one that the estimator panics on is not among
-    /// them.
+    /// Sends some messages, faster than the task processes them; the one that the estimator panics
+    /// on is not among them.
     fn send(&mut self, most: i64) {
         for _ in 0..self.chance.random_range(0..=most) {
             self.bench
@@ -82,7 +82,7 @@ impl Instant {
         }
     }
 
-    /// What the service does for robots that ask for notes.
+    /// Passes on the notes of robots that request them, as the service does.
     fn bring(&self) {
         let Some(taken) = self.bench.fleet.notes_taken(&id(ROBOT)) else {
             return;
@@ -92,7 +92,7 @@ impl Instant {
         }
     }
 
-    /// Goes on from what was stored.
+    /// Continues from the stored state.
     async fn start_again(&mut self) {
         // In this order: the state with a note is stored before the history shows it.
         self.was_shown = self.bench.notes() > 0;
@@ -130,7 +130,7 @@ impl Instant {
         }
     }
 
-    /// True if the estimator knows of the reassembly within a bounded time.
+    /// True if the estimator registers the reassembly within a bounded time.
     async fn is_known(&self) -> bool {
         for _ in 0..3_000 {
             if self.bench.fleet.wants_notes(&id(ROBOT)) {
@@ -150,8 +150,8 @@ impl Instant {
     }
 }
 
-/// 200 notes at random instants of driving, overload and silence, before the first message, beside restarts,
-/// kills and faults: each reaches the estimator, or is refused at once.
+/// Sends 200 notes at random instants of driving, overload and silence, before the first message,
+/// beside restarts, kills and faults: each reaches the estimator, or is refused at once.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn no_note_is_acknowledged_and_lost() {
     let mut refused = 0;

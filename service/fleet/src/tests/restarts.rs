@@ -11,7 +11,7 @@ use super::*;
 
 const CALIBRATED: Status = Status::Converged;
 
-/// The estimate of an estimator that knows everything, or nothing.
+/// Makes the estimate of an estimator with all parameters at one status.
 fn estimate_of(calibrator: &Calibrator, stamp: RobotTime, status: Status) -> Effect {
     let mut estimate = calibrator.estimate();
     estimate.stamp = stamp;
@@ -21,7 +21,7 @@ fn estimate_of(calibrator: &Calibrator, stamp: RobotTime, status: Status) -> Eff
     Effect::Estimate(Box::new(estimate))
 }
 
-/// Takes the place of an estimator: with 100 s of messages the robot is calibrated.
+/// Replaces the estimator's step: after 100 s of messages the robot is calibrated.
 fn calibrated_after_100_s(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
     let Event::WheelOdometry(sample) = &event else {
         return Vec::new();
@@ -37,7 +37,8 @@ fn calibrated_after_100_s(calibrator: &mut Calibrator, event: Event) -> Vec<Effe
     vec![estimate_of(calibrator, stamp, status)]
 }
 
-/// Takes the place of an estimator: knows everything, and says how long its session is as its steering offset.
+/// Replaces the estimator's step: everything is known, and the steering offset is the length of the
+/// session.
 fn counting(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
     let Event::WheelOdometry(sample) = &event else {
         return Vec::new();
@@ -100,7 +101,7 @@ async fn an_edit_of_a_frame_or_a_topic_keeps_the_calibration_and_one_of_the_vehi
     assert!(session_s(&bench).unwrap() < 5.0);
 }
 
-/// Takes the place of an estimator: every message shows a change of the calibration.
+/// Replaces the estimator's step: every message shows a change of the calibration.
 fn changing(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
     let Event::WheelOdometry(sample) = &event else {
         return Vec::new();
@@ -119,7 +120,7 @@ fn changing(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
     vec![change, estimate_of(calibrator, stamp, Status::Learning)]
 }
 
-/// Sends one message for each second of this stretch.
+/// Sends one message for each second of an interval.
 async fn seconds(bench: &Bench, from_s: i64, to_s: i64) {
     for second in from_s..to_s {
         bench.send("robot", Stream::WheelOdometry, &drive(second * 100));
@@ -127,14 +128,14 @@ async fn seconds(bench: &Bench, from_s: i64, to_s: i64) {
     }
 }
 
-/// Stops a bench and starts another one from what it has stored.
+/// Stops a bench and starts another one from its stored state.
 async fn restarted(bench: Bench, step: Step) -> Bench {
     bench.fleet.stop().await;
     let checkpoints = bench.kept.checkpoints.lock().unwrap().clone();
     bench_with(&["robot"], checkpoints, step)
 }
 
-/// Seconds since the beginning at which checkpoints were stored since this was last asked.
+/// Returns the times since the beginning at which checkpoints were stored since the last call, s.
 fn stored_s(bench: &Bench) -> Vec<i64> {
     let stamps = std::mem::take(&mut *bench.kept.checkpointed.lock().unwrap());
     let seconds = |stamp: RobotTime| (stamp.0 - BEGIN_NS) / 1_000_000_000;
@@ -175,7 +176,7 @@ async fn checkpoints_are_stored_every_10_s_until_all_is_known_and_decided() {
     assert_eq!(stored_s(&bench), [729], "the service stops");
 }
 
-/// What an instance has not stored is lost to the one that takes over from it.
+/// Checks the interval of checkpoints, since a takeover loses whatever an instance has not stored.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_instance_of_a_cluster_stores_a_calibrated_robot_every_10_s_too() {
     let robots = BTreeMap::from([(id("robot"), vehicle())]);
@@ -256,4 +257,17 @@ async fn a_robot_with_bytes_of_an_unknown_format_learns_anew() {
     assert_eq!(bench.view("robot").counters.processed, 15);
     assert_eq!(bench.view("robot").state, RobotState::Learning);
     assert_eq!(stored_s(&bench), [0, 10]);
+}
+
+#[test]
+fn a_robot_is_registered_once_it_is_configured() {
+    let robot = crate::robot::Robot::new(id("robot"), None);
+    assert_eq!(robot.state(), RobotState::Unregistered);
+    let config = RobotConfig::of_vehicle(VehicleModel::Bicycle, Wheelbase::try_from(1.3).unwrap());
+    robot.set_config(config, &EstimatorSettings::default());
+    assert_eq!(
+        robot.state(),
+        RobotState::NoData,
+        "before its task has begun"
+    );
 }

@@ -4,7 +4,7 @@ use super::*;
 
 const MS: i64 = 1_000_000;
 
-/// A drive sample of a robot that winds along, by stamp.
+/// Makes a drive sample of a winding robot, by stamp.
 fn winding(number: i64, stamp_ns: i64, steering_angle: Option<f32>) -> Vec<u8> {
     let angle = (0.03 * number as f32).sin() * 0.3;
     let drive = AckermannDrive {

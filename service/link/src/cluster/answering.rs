@@ -10,15 +10,17 @@ use zenoh::query::Queryable;
 use super::{ClusterParts, undeclare_all};
 use crate::{calibration, warn_if_refused};
 
-/// What is declared.
+/// Declarations that answer robots.
 #[derive(Debug, Default)]
 struct Declared {
     queryables: Vec<Queryable<()>>,
-    /// A robot that sees it finds everything else there. It stays while the process lives.
+    /// Token of the service. A robot that sees it finds all other declarations in place. It remains
+    /// while the process lives.
     token: Option<LivelinessToken>,
 }
 
-/// Declares what answers robots, and takes it back, until the link ends.
+/// Declares the queryables for robots, and undeclares them without the database, until the link
+/// ends.
 pub async fn answer(of: ClusterParts) {
     let mut ticks = tokio::time::interval(CLUSTER_LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);

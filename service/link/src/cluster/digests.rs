@@ -15,7 +15,7 @@ use zenoh::sample::{Locality, Sample, SampleKind};
 
 use super::ClusterParts;
 
-/// Tells the other instances of this one's robots, until the link ends.
+/// Publishes this instance's reports to the other instances until the link ends.
 pub async fn tell(of: ClusterParts) {
     let key = of.parts.keys.digest(of.cluster.instance());
     let mut ticks = tokio::time::interval(limits::DIGEST_EVERY);
@@ -46,7 +46,8 @@ pub async fn tell(of: ClusterParts) {
     }
 }
 
-/// Sends heartbeats until the link ends. They say nothing of robots: the gate is not asked.
+/// Sends heartbeats until the link ends. They contain nothing about robots, so they bypass the
+/// gate.
 pub async fn send_heartbeats(of: ClusterParts) {
     let key = of.parts.keys.digest(of.cluster.instance());
     let mut ticks = tokio::time::interval(HEARTBEAT_EVERY);
@@ -66,8 +67,8 @@ pub async fn send_heartbeats(of: ClusterParts) {
     }
 }
 
-/// Listens to the other instances. The callback runs on Zenoh's receiving threads and waits for nothing
-/// but the report's lock.
+/// Subscribes to the other instances' digests. The callback runs on Zenoh's receiving threads and
+/// waits for nothing but the report's lock.
 pub async fn hear(of: &ClusterParts) -> Result<(Subscriber<()>, JoinHandle<()>)> {
     let (sender, waiting) = mpsc::channel(limits::DIGESTS_WAITING_MAX);
     let (keys, own) = (of.parts.keys.clone(), of.cluster.instance().clone());

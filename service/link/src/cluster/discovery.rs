@@ -9,7 +9,7 @@ use zenoh::pubsub::Subscriber;
 use super::ClusterParts;
 use crate::{ingest, warn_if_refused};
 
-/// The streams by which such a robot shows: it sends one of them.
+/// Streams by which such a robot is found: it sends one of them.
 const STREAMS: [StreamKind; 2] = [StreamKind::Scan, StreamKind::LidarOdometry];
 
 /// Listens while it is this instance's duty, until the link ends.

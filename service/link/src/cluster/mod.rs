@@ -19,20 +19,20 @@ use zenoh::query::Queryable;
 
 use crate::{Parts, warn_if_refused};
 
-/// What the part of the link works with that serves a cluster.
+/// Context of the cluster's part of the link.
 #[derive(Debug, Clone)]
 pub struct ClusterParts {
-    /// What every part works with.
+    /// Context of every part.
     pub parts: Parts,
     /// This process's place in the cluster.
     pub cluster: Arc<Cluster>,
-    /// Whether robots can connect to the session itself.
+    /// True if robots can connect to the session itself.
     pub listens: bool,
-    /// Where the link says how it is.
+    /// Channel of the link's state.
     pub report: watch::Sender<LinkReport>,
 }
 
-/// The part of the link that serves a cluster.
+/// Cluster's part of the link.
 #[derive(Debug)]
 pub struct ClusterLink {
     digests: Subscriber<()>,
@@ -41,10 +41,10 @@ pub struct ClusterLink {
 }
 
 impl ClusterLink {
-    /// Begins to listen to the other instances, to tell them, and to answer robots.
+    /// Begins to receive and publish digests, and to answer robots.
     ///
     /// # Errors
-    /// When Zenoh refuses to declare something.
+    /// Zenoh refuses a declaration.
     pub async fn open(of: ClusterParts) -> Result<Self> {
         let (digests, reading) = digests::hear(&of).await?;
         let services = presence::watch_services(&of).await?;
@@ -63,7 +63,7 @@ impl ClusterLink {
         })
     }
 
-    /// Ends it; the tasks have been told to stop.
+    /// Closes this part; the tasks have been stopped before.
     pub async fn close(self) {
         for undeclared in [
             self.digests.undeclare().await,

@@ -9,7 +9,7 @@ use zenoh::sample::{Sample, SampleKind};
 
 use super::ClusterParts;
 
-/// Follows the tokens of instances, those that stood before included.
+/// Follows the tokens of instances, including those that were there before.
 pub async fn watch_services(of: &ClusterParts) -> Result<Subscriber<()>> {
     let (keys, report) = (of.parts.keys.clone(), of.report.clone());
     let own = of.cluster.instance().clone();

@@ -33,7 +33,7 @@ use zenoh::bytes::Encoding;
 
 use crate::{Link, LinkSetup};
 
-/// Longest time anything may take.
+/// Longest wait for a condition.
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Message time at which the tests begin, ns since 1970.
 const BEGIN_NS: i64 = 1_700_000_000_000_000_000;
@@ -71,7 +71,7 @@ async fn session(mode: &str, key: &str, endpoint: &str) -> Session {
     zenoh::open(config).await.unwrap()
 }
 
-/// One instance, whose place in the cluster the test says.
+/// An instance whose place in the cluster the test sets.
 struct Instance {
     membership: Membership,
     clock: Arc<MockClock>,
@@ -91,7 +91,7 @@ impl Instance {
         Self::linked_by(name, router, open).await
     }
 
-    /// The same, whose link `open` opens.
+    /// Makes an instance whose link `open` opens.
     async fn linked_by(
         name: &str,
         router: &str,
@@ -147,12 +147,12 @@ impl Instance {
         instance
     }
 
-    /// The database answers at this moment, and the lease is renewed.
+    /// Renews the lease, as if the database answered at this moment.
     fn renew(&self) {
         self.pass(Duration::ZERO);
     }
 
-    /// Lets time pass in which the lease is renewed.
+    /// Advances the clock while the lease is renewed.
     fn pass(&self, time: Duration) {
         let cluster = self.membership.cluster().unwrap();
         cluster.lease().renewed(self.clock.uptime() + time);
@@ -194,7 +194,7 @@ impl Instance {
     }
 }
 
-/// The robots, each a second of whose messages is sent at once, and what is heard of them.
+/// Robots, whose messages of a second are sent at once, and the estimates published for them.
 struct Robots {
     session: Session,
     sent: Mutex<i64>,
@@ -226,7 +226,7 @@ impl Robots {
         self.drive_on(&ROBOTS.map(key)).await;
     }
 
-    /// The same on these keys.
+    /// Sends the same on these keys.
     async fn drive_on(&self, keys: &[String]) {
         let from = std::mem::replace(&mut *self.sent.lock().unwrap(), 0);
         for number in from..from + 100 {
@@ -250,7 +250,7 @@ impl Robots {
         *self.sent.lock().unwrap() = from + 100;
     }
 
-    /// Who has put estimates of a robot since this was last asked.
+    /// Returns the instances that have published estimates of a robot since the last call.
     fn estimated_by(&self, robot: &str) -> Vec<Option<EstimatedBy>> {
         let mut estimates = self.estimates.lock().unwrap();
         let of_robot = |document: &EstimateDocument| document.robot == id(robot);
@@ -260,7 +260,7 @@ impl Robots {
         by
     }
 
-    /// How many answer a question.
+    /// Returns the number of answers to a query.
     async fn answers(&self, kind: StreamKind, robot: &str) -> usize {
         let key = Keys::default().stream(&id(robot), kind);
         let asked = self.session.get(key).target(zenoh::query::QueryTarget::All);
@@ -356,7 +356,7 @@ async fn each_instance_hears_its_robots_and_tells_the_others_of_them() {
     drop(router);
 }
 
-/// Over QUIC, Zenoh keeps the token of a killed process for the rest of its `lease`.
+/// Kills an instance whose token Zenoh, over QUIC, keeps for the rest of its `lease`.
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
 async fn an_instance_without_heartbeats_is_silent_while_its_token_stands() {
     let endpoint = free_endpoint();

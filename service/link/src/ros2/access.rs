@@ -9,7 +9,7 @@ use super::calibration;
 use super::routes::RouteTable;
 use crate::access::rule;
 
-/// The rules that stand beside those of our own keys.
+/// Makes the rules beside those of our own keys.
 pub fn rules(table: &RouteTable) -> Vec<Value> {
     let settings = table.settings();
     let mut streams: Vec<String> = table.bridge_expressions().into_iter().collect();

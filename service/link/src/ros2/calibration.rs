@@ -18,27 +18,27 @@ use zenoh::{Result, Session, Wait};
 use super::{Ros2, RouteTable};
 use crate::questions::Questions;
 
-/// The topic's name below its robot.
+/// Name of the topic below its robot.
 const TOPIC: &str = "calibration/approved";
-/// The type in keys of `rmw_zenoh`, and its hash where there is one.
+/// Type in keys of `rmw_zenoh`; the hash follows it where there is one.
 const DDS_TYPE: &str = "std_msgs::msg::dds_::String_";
 const TYPE_HASH: &str = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18";
-/// The name of the node that publishes it.
+/// Name of the node that publishes it.
 const NODE: &str = "fleetcal";
-/// What an advanced subscriber puts behind a key to ask for what was said before.
+/// Suffix of a key by which an advanced subscriber queries earlier messages.
 const HISTORY: &str = "@adv";
 
-/// Where a robot's ROS 2 topics are.
+/// Place of a robot's ROS 2 topics.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Home {
-    /// What stands before its topics in keys.
+    /// Prefix of its topics in keys.
     pub prefix: String,
-    /// Which layout the keys have.
+    /// Layout of the keys.
     pub layout: KeyLayout,
 }
 
 impl Home {
-    /// The key of the robot's topic.
+    /// Returns the key of the robot's topic.
     pub fn key(&self) -> String {
         let prefix = &self.prefix;
         match self.layout {
@@ -48,8 +48,8 @@ impl Home {
         }
     }
 
-    /// The tokens that announce the topic to `rmw_zenoh`, by the node of that number in the
-    /// session; `None` where that cannot be: a bridge makes its own of what it carries.
+    /// Returns the tokens that announce the topic to `rmw_zenoh`, by the node of that number in the
+    /// session; `None` for a bridge, which makes tokens of its own for what it carries.
     pub fn tokens(&self, session: &str, number: u64) -> Option<[String; 2]> {
         let hash = match self.layout {
             KeyLayout::RmwZenoh => TYPE_HASH,
@@ -69,31 +69,31 @@ impl Home {
     }
 }
 
-/// Whether a path is the calibration's topic of some robot, whichever service tells it.
+/// True if a path is the calibration topic of some robot, whichever service publishes it.
 pub fn is_topic(path: &str) -> bool {
     path.strip_suffix(TOPIC)
         .is_some_and(|prefix| prefix.ends_with('/'))
 }
 
-/// Key expressions of the tokens that announce it.
+/// Returns the key expressions of the tokens that announce it.
 pub fn token_expressions() -> Vec<String> {
     LatchedTopic::token_expressions(TOPIC, DDS_TYPE, NODE)
 }
 
-/// Key expressions of the topic of every robot.
+/// Returns the key expressions of the topic of every robot.
 pub fn expressions(table: &RouteTable) -> Vec<String> {
     let mut all = table.bridge_paths(TOPIC);
     all.push(format!("**/{TOPIC}/{DDS_TYPE}/*"));
     all
 }
 
-/// Key expressions under which subscribers ask for what was said before.
+/// Returns the key expressions under which subscribers query earlier messages.
 pub fn history_expressions(table: &RouteTable) -> Vec<String> {
     let behind = |text: String| format!("{text}/{HISTORY}/**");
     expressions(table).into_iter().map(behind).collect()
 }
 
-/// Says the approved calibration for a robot on its topic.
+/// Publishes the approved calibration for a robot on its topic.
 pub async fn publish(
     session: &Session,
     ros2: &Ros2,
@@ -123,7 +123,7 @@ fn payload(offered: &Offered) -> Result<Vec<u8>> {
     Ok(StringMessage { data }.to_cdr())
 }
 
-/// Answers those who subscribe later.
+/// Answers late subscribers.
 pub async fn answer_history(
     session: &Session,
     ros2: Ros2,
@@ -175,14 +175,14 @@ async fn reply(session: &Session, ros2: &Ros2, lifecycle: &Lifecycle, query: &Qu
     }
 }
 
-/// Says whether a robot's topic is at that place. Of several robots at one place, one has it.
+/// True if a robot's topic is at that place. Of several robots at one place, one has it.
 pub fn is_home(table: &RouteTable, robot: &RobotId, prefix: &str, layout: KeyLayout) -> bool {
     let path = format!("{prefix}/{TOPIC}");
     let nearest = table.nearest(&path, layout);
     nearest.is_some_and(|nearest| nearest.robot == *robot)
 }
 
-/// Whose topic a key is; nobody's when it names many.
+/// Returns the robot of a topic's key; `None` for a key that names many.
 fn robot_of(ros2: &Ros2, key: &str) -> Option<RobotId> {
     if key.contains(['*', '$']) {
         return None;
@@ -193,7 +193,7 @@ fn robot_of(ros2: &Ros2, key: &str) -> Option<RobotId> {
     (placed.topic == TOPIC).then_some(placed.robot)
 }
 
-/// What is attached to message `sequence`, sent at `source_ns`, of the session `id`.
+/// Makes the attachment of message `sequence`, sent at `source_ns`, in the session `id`.
 pub fn attachment(sequence: i64, source_ns: i64, id: &[u8]) -> Vec<u8> {
     let mut gid = [0; GID_BYTES];
     for (to, from) in gid.iter_mut().zip(id) {

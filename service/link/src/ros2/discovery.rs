@@ -14,17 +14,17 @@ use zenoh::{Result, Session};
 
 use super::{Ros2, RouteTable, calibration, lock};
 
-/// The tokens that stand.
+/// Tokens that are present.
 #[derive(Debug, Default)]
 pub struct Discovery {
     tokens: BTreeMap<String, Announcement>,
-    /// The tokens of each robot.
+    /// Tokens of each robot.
     of_robots: BTreeMap<RobotId, BTreeSet<String>>,
-    /// What was told of each robot, to tell it only when it changes.
+    /// Topics reported for each robot, so that only changes are reported.
     told: BTreeMap<RobotId, Vec<AnnouncedTopic>>,
 }
 
-/// Follows the tokens, those that stood before included.
+/// Follows the tokens, including those that were there before.
 pub async fn watch_tokens(session: &Session, ros2: &Ros2) -> Result<Vec<Subscriber<()>>> {
     let mut subscribers = Vec::new();
     for expression in TOKENS_OF_RMW.into_iter().chain([TOKENS_OF_BRIDGE]) {
@@ -70,7 +70,7 @@ fn take(ros2: &Ros2, sample: &Sample) {
     }
 }
 
-/// Looks again whose each announced topic is: which robots there are, or their prefixes, changed.
+/// Assigns each announced topic to its robot again, after a change of the robots or their prefixes.
 pub fn place_anew(ros2: &Ros2) {
     let mut discovery = lock(&ros2.shared.discovery);
     let table = ros2.table();
@@ -99,7 +99,7 @@ pub fn place_anew(ros2: &Ros2) {
 }
 
 impl Discovery {
-    /// Takes a token of robots, or of nobody; without an announcement it is gone.
+    /// Records a token of robots, or of none; without an announcement it is gone.
     fn note(&mut self, token: &str, announced: Option<Announcement>, robots: &[RobotId]) {
         let Some(announced) = announced else {
             self.tokens.remove(token);
@@ -139,7 +139,7 @@ impl Discovery {
         }
     }
 
-    /// The type that the standing tokens of a robot's bridge name for a path.
+    /// Returns the type that the present tokens of a robot's bridge name for a path.
     fn type_of(&self, path: &str, robot: Option<&RobotId>) -> Option<MessageType> {
         let tokens = self.of_robots.get(robot?)?.iter();
         let mut standing = tokens
@@ -148,7 +148,7 @@ impl Discovery {
         standing.find_map(|one| MessageType::of_ros_type(&one.type_name))
     }
 
-    /// The same of all paths that are some robot's.
+    /// Returns the types of all paths that belong to a robot.
     fn types(&self) -> BTreeMap<String, MessageType> {
         let tokens = self.of_robots.values().flatten();
         tokens
@@ -187,11 +187,11 @@ impl Discovery {
     }
 }
 
-/// What a robot has announced.
+/// Topics that a robot has announced.
 #[derive(Debug, Default)]
 struct Topics {
     all: BTreeSet<AnnouncedTopic>,
-    /// Where the topics that suit are; `None` of a robot that has none, which is no vehicle.
+    /// Place of its suitable topics; `None` for a robot without any, which is not a vehicle.
     home: Option<(String, KeyLayout)>,
 }
 

@@ -11,15 +11,15 @@ use zenoh::{Result, Session};
 use super::calibration::Home;
 use super::{Ros2, warn_if_refused};
 
-/// The tokens that stand, of a node and its publisher in each robot's namespace.
+/// Tokens that are present, of a node and its publisher in each robot's namespace.
 #[derive(Debug, Default)]
 struct Graph {
     declared: BTreeMap<Home, [LivelinessToken; 2]>,
-    /// Nodes and publishers are numbered within their session.
+    /// Number of the next node and publisher within their session.
     next: u64,
 }
 
-/// Announces the topic wherever a robot that would hear it has its own, until `stop`.
+/// Announces the topic in the namespace of every robot that can receive it, until `stop`.
 pub async fn announce(session: Session, ros2: Ros2, stop: CancellationToken) {
     let mut graph = Graph::default();
     loop {
@@ -34,7 +34,7 @@ pub async fn announce(session: Session, ros2: Ros2, stop: CancellationToken) {
 }
 
 impl Graph {
-    /// Announces what is wanted and takes back what is not; whether all of that stands now.
+    /// Declares wanted tokens and undeclares others; returns whether all are in place now.
     async fn follow(&mut self, session: &Session, wanted: BTreeSet<Home>) -> bool {
         let gone: Vec<Home> = self
             .declared

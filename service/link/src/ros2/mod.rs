@@ -38,7 +38,7 @@ use calibration::Home;
 use discovery::Discovery;
 use subscribe::Subscriptions;
 
-/// What every callback shares. Cheap to clone.
+/// State that all callbacks share. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Ros2 {
     shared: Arc<Shared>,
@@ -52,24 +52,24 @@ struct Shared {
     table: RwLock<RouteTable>,
     discovery: Mutex<Discovery>,
     homes: Mutex<BTreeMap<RobotId, BTreeSet<Home>>>,
-    /// Robots that came (back), which should hear the approved calibration.
+    /// Robots that came (back) and need the approved calibration.
     came: mpsc::Sender<RobotId>,
-    /// `homes` changed.
+    /// Signal that `homes` changed.
     homes_changed: Notify,
-    /// A robot has announced a topic, and is to be heard by it.
+    /// Signal that a robot has announced a topic and needs a subscriber for it.
     announcing: Notify,
     /// Messages sent to ROS 2 robots.
     sent: AtomicI64,
 }
 
-/// The values behind the locks are whole after every statement, so the panic of another thread
-/// leaves nothing half done.
+/// Locks a mutex. The values behind the locks are whole after every statement, so the panic of
+/// another thread leaves nothing half done.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Ros2 {
-    /// The table.
+    /// Locks the table for reading.
     fn table(&self) -> RwLockReadGuard<'_, RouteTable> {
         self.shared
             .table
@@ -82,14 +82,13 @@ impl Ros2 {
         change(&mut table.unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Where a robot's topics are, as far as that is known: one that speaks by two middlewares has
-    /// two homes.
+    /// Returns the known places of a robot's topics: a robot with two middlewares has two.
     fn homes(&self, robot: &RobotId) -> BTreeSet<Home> {
         let homes = lock(&self.shared.homes);
         homes.get(robot).cloned().unwrap_or_default()
     }
 
-    /// All of these, of robots that this process has.
+    /// Returns the places of all robots of this process.
     fn all_homes(&self) -> BTreeSet<Home> {
         let homes = lock(&self.shared.homes);
         let own = homes
@@ -98,27 +97,28 @@ impl Ros2 {
         own.flat_map(|(_, homes)| homes).cloned().collect()
     }
 
-    /// Notes that a robot has announced a topic.
+    /// Records that a robot has announced a topic.
     fn announces(&self, robot: &RobotId) {
         if self.change_table(|table| table.note_announcing(robot)) {
             self.shared.announcing.notify_one();
         }
     }
 
-    /// Forgets where a robot's topics were, since it announces none any more.
+    /// Forgets the places of a robot's topics, since it no longer announces any.
     fn left(&self, robot: &RobotId) {
         lock(&self.shared.homes).remove(robot);
         self.shared.homes_changed.notify_one();
     }
 
-    /// Notes where a robot's topics are; one that was not there before hears the approved calibration.
+    /// Records the place of a robot's topics; a robot at a new place receives the approved
+    /// calibration.
     fn seen_at(&self, robot: &RobotId, prefix: &str, layout: KeyLayout) {
         if self.moved(robot, prefix, layout) {
             self.came(robot);
         }
     }
 
-    /// Notes where a robot's topics are; whether that is a new place.
+    /// Records the place of a robot's topics; returns whether it is new.
     fn moved(&self, robot: &RobotId, prefix: &str, layout: KeyLayout) -> bool {
         if !self.table().knows(robot) {
             // Nothing is approved for a robot that nobody has registered.
@@ -141,15 +141,15 @@ impl Ros2 {
         of_robot.insert(Home { prefix, layout })
     }
 
-    /// Lets a robot that came hear the approved calibration. It never blocks; what finds the queue full is
-    /// asked for by the robot itself.
+    /// Queues a robot that came for the approved calibration. It never blocks; a robot that finds
+    /// the queue full queries for it itself.
     fn came(&self, robot: &RobotId) {
         if let Err(error) = self.shared.came.try_send(robot.clone()) {
             tracing::debug!(robot.id = %robot, %error, "not told the approved calibration");
         }
     }
 
-    /// What is attached to the next message.
+    /// Makes the attachment of the next message.
     fn attachment(&self, session: &Session) -> Vec<u8> {
         let sequence = self.shared.sent.fetch_add(1, Ordering::Relaxed);
         let now = self.shared.clock.now();
@@ -157,24 +157,24 @@ impl Ros2 {
     }
 }
 
-/// What the part of the link that serves ROS 2 robots works with.
+/// Context of the part of the link that serves ROS 2 robots.
 #[derive(Debug)]
 pub struct Surroundings {
-    /// Whose robots they are.
+    /// Fleet of the robots.
     pub fleet: FleetHandle,
-    /// Who knows the approved calibration.
+    /// Source of the approved calibration.
     pub lifecycle: Lifecycle,
-    /// Where time comes from.
+    /// Source of time.
     pub clock: SharedClock,
-    /// Where questions wait.
+    /// Queue of the queries.
     pub questions: Questions,
-    /// What may leave.
+    /// Gate of outgoing messages.
     pub gate: Gate,
-    /// Of several instances, the streams of robots that this one hears beside their ROS 2 topics.
+    /// Streams, beside their ROS 2 topics, of the robots that an instance of several receives.
     pub heard: Option<HeardStreams>,
 }
 
-/// The part of the link that serves ROS 2 robots.
+/// Part of the link that serves ROS 2 robots.
 #[derive(Debug)]
 pub struct Ros2Link {
     ros2: Ros2,
@@ -184,10 +184,10 @@ pub struct Ros2Link {
 }
 
 impl Ros2Link {
-    /// Subscribes to tokens and streams, and answers those who ask for the approved calibration.
+    /// Subscribes to tokens and streams, and answers queries for the approved calibration.
     ///
     /// # Errors
-    /// When Zenoh refuses to declare something.
+    /// Zenoh refuses a declaration.
     pub async fn open(
         session: &Session,
         table: RouteTable,
@@ -252,12 +252,12 @@ impl Ros2Link {
         })
     }
 
-    /// What callbacks share.
+    /// Returns the state that callbacks share.
     pub fn shared(&self) -> Ros2 {
         self.ros2.clone()
     }
 
-    /// Takes nothing further. The tasks have been told to stop.
+    /// Stops receiving. The tasks have been stopped before.
     pub async fn close(self) {
         for token in self.tokens {
             warn_if_refused(token.undeclare().await);
@@ -273,7 +273,7 @@ impl Ros2Link {
     }
 }
 
-/// What robots are heard by.
+/// Subscriptions to the robots.
 #[derive(Debug)]
 struct Hearing {
     ros2: Ros2,
@@ -282,7 +282,7 @@ struct Hearing {
 }
 
 impl Hearing {
-    /// Subscribes to what is wanted now, and to nothing else.
+    /// Subscribes to the wanted keys alone.
     async fn follow(&mut self, session: &Session) -> Result<()> {
         let fleet = &self.ros2.shared.fleet;
         let heard = fleet.heard();
@@ -310,7 +310,7 @@ impl Hearing {
     }
 }
 
-/// Follows which robots there are, and which are to be heard, until `stop`.
+/// Follows the registered and the wanted robots until `stop`.
 async fn follow(
     session: Session,
     mut hearing: Hearing,
@@ -356,7 +356,7 @@ fn warn_if_refused(undeclared: Result<()>) {
 }
 
 impl Ros2 {
-    /// Takes the robots' topics again, and looks again whose the announced ones are.
+    /// Reads the robots' topics again, and assigns the announced ones again.
     fn robots_changed(&self, heard: Option<BTreeSet<RobotId>>) {
         let robots = self.shared.fleet.streams();
         self.change_table(|table| {
@@ -367,7 +367,7 @@ impl Ros2 {
     }
 }
 
-/// Tells robots that came the approved calibration for them.
+/// Publishes the approved calibration to robots that came.
 async fn tell(
     session: Session,
     ros2: Ros2,

@@ -12,52 +12,53 @@ use fleetcal_proto::key::KeyRoot;
 use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros2_key::{KeyLayout, KeyTemplate, Matched, TopicKey, typed_expression};
 
-/// What a message's key says.
+/// Robot, stream and type of a message by its key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Route<'k> {
-    /// Whose it is.
+    /// The robot.
     pub robot: RobotId,
-    /// Which of its streams.
+    /// The stream.
     pub stream: Stream,
-    /// What it is, where the key or a token says so.
+    /// The type, if the key or a token names it.
     pub message_type: Option<MessageType>,
-    /// What stands before the topic in the key.
+    /// Prefix of the topic in the key.
     pub prefix: &'k str,
-    /// Which layout the key has.
+    /// Layout of the key.
     pub layout: KeyLayout,
-    /// The one key expression of the table that it is taken by, however many others match the key.
+    /// Key expression of the table by which alone the message is accepted, however many others
+    /// match the key.
     pub expression: String,
 }
 
 /// A robot's topic, and the template that it was found by.
 type Claim<'p, 't> = (Matched<'p>, Option<&'t KeyTemplate>);
 
-/// See the module.
+/// Table of ROS 2 keys; see the module.
 #[derive(Debug, Clone)]
 pub struct RouteTable {
     settings: Ros2Settings,
     root: String,
-    /// Topics of robots that nobody has configured.
+    /// Topics of unregistered robots.
     usual: Vec<TopicRole>,
-    /// Topics of robots that are configured.
+    /// Topics of registered robots.
     roles: BTreeMap<RobotId, Vec<TopicRole>>,
-    /// Robots whose keys follow no template, by what stands before their topics.
+    /// Robots whose keys follow no template, by the prefix of their topics.
     prefixes: BTreeMap<String, BTreeSet<RobotId>>,
-    /// The same by robot.
+    /// Prefixes by robot.
     prefix_of: BTreeMap<RobotId, String>,
-    /// Configured robots that have announced a topic since this process began.
+    /// Registered robots that have announced a topic since this process began.
     announcing: BTreeSet<RobotId>,
-    /// Types that tokens of the bridge announced, by path.
+    /// Types that the bridge's tokens announced, by path.
     announced: BTreeMap<String, MessageType>,
-    /// The robots to hear; `None` for all.
+    /// Wanted robots; `None` for all.
     heard: Option<BTreeSet<RobotId>>,
-    /// Key expressions of the bridge's topics that the access list lets through; `None` where this
-    /// service has none.
+    /// Key expressions of the bridge's topics that the access list admits; `None` for a service
+    /// without a list.
     admitted: Option<Vec<OwnedKeyExpr>>,
 }
 
 impl RouteTable {
-    /// The table of a fleet.
+    /// Makes the table of a fleet.
     pub fn new(
         settings: &Ros2Settings,
         root: &KeyRoot,
@@ -79,7 +80,7 @@ impl RouteTable {
         table
     }
 
-    /// Takes the robots that are configured.
+    /// Sets the registered robots.
     pub fn set_robots(&mut self, robots: BTreeMap<RobotId, RobotStreams>) {
         self.roles.clear();
         self.prefixes.clear();
@@ -97,26 +98,25 @@ impl RouteTable {
         self.announcing.retain(|robot| roles.contains_key(robot));
     }
 
-    /// Takes that a robot has announced a topic; whether more is to be heard by that.
+    /// Records that a robot has announced a topic; returns whether that makes more keys wanted.
     pub fn note_announcing(&mut self, robot: &RobotId) -> bool {
         self.knows(robot) && self.announcing.insert(robot.clone()) && self.heard.is_some()
     }
 
-    /// Takes which robots to hear; `None` for all. Each of them has its own key expressions then, once
-    /// it has announced a topic or when its configuration names one: one key expression for each
+    /// Sets the wanted robots; `None` for all. Each of them then gets key expressions of its own,
+    /// once it has announced a topic or if its configuration names one: a key expression for each
     /// topic and type of robots that are not on ROS 2 would cost Zenoh more than the robots do.
     pub fn set_heard(&mut self, heard: Option<BTreeSet<RobotId>>) {
         self.heard = heard;
     }
 
-    /// Takes that the access list is made from the table as it is: what is configured later has to
-    /// do with that.
+    /// Fixes the access list by the present table: topics that are configured later have to fit it.
     pub fn close_access_list(&mut self) {
         let admitted = self.bridge_expressions().into_iter();
         self.admitted = Some(admitted.filter_map(|text| text.try_into().ok()).collect());
     }
 
-    /// Says whether the access list keeps out what a robot is configured to send on a path.
+    /// True if the access list blocks a configured topic of a robot on a path.
     pub fn is_blocked(&self, matched: &Matched<'_>, path: &str, layout: KeyLayout) -> bool {
         let Some(admitted) = &self.admitted else {
             return false;
@@ -127,7 +127,7 @@ impl RouteTable {
         is_of_bridge && self.role(matched).is_some() && !key.is_ok_and(|key| is_admitted(&key))
     }
 
-    /// Takes what a token of the bridge says about a path; `None` once it is gone.
+    /// Records the type that a bridge's token announces for a path; `None` once the token is gone.
     pub fn announce(&mut self, path: &str, message_type: Option<MessageType>) {
         match message_type {
             Some(message_type) if self.announced.len() < limits::ROS2_TOKENS_MAX => {
@@ -140,23 +140,23 @@ impl RouteTable {
         }
     }
 
-    /// Takes the types of all paths that tokens of bridges announce.
+    /// Sets the types of all paths that tokens of bridges announce.
     pub fn set_announced(&mut self, types: BTreeMap<String, MessageType>) {
         self.announced = types;
     }
 
-    /// Whether a robot is configured.
+    /// True if a robot is registered.
     pub fn knows(&self, robot: &RobotId) -> bool {
         self.roles.contains_key(robot)
     }
 
-    /// Whether a key is one of our own layout, which has its own subscriber.
+    /// True if a key has our own layout, which has its own subscriber.
     pub fn is_own(&self, key: &str) -> bool {
         key.starts_with(&self.root)
     }
 
-    /// Streams that a key is: of each robot whose prefix it is below, and of the one that a template
-    /// names, which has to be configured where there are others.
+    /// Returns the streams of a key: of each robot with a prefix above it, and of the robot that a
+    /// template names, which has to be registered if there are others.
     pub fn routes<'k>(&self, key: &'k str) -> Vec<Route<'k>> {
         let key = TopicKey::parse(key);
         let claims = self.claims(key.path, key.layout).into_iter();
@@ -192,7 +192,7 @@ impl RouteTable {
         })
     }
 
-    /// Robots and topics of a path: of each robot that takes it, else of the one that it is nearest to.
+    /// Returns the robots and topics of a path: all robots that use it, else the nearest one.
     pub fn places<'p>(&self, path: &'p str, layout: KeyLayout) -> Vec<Matched<'p>> {
         let claims = self.claims(path, layout);
         if claims.is_empty() {
@@ -201,8 +201,8 @@ impl RouteTable {
         claims.into_iter().map(|(matched, _)| matched).collect()
     }
 
-    /// Robot that a path without a stream belongs to: of robots at one place, the one that is named so,
-    /// else the first.
+    /// Returns the robot of a path that is not a stream: of the robots at one place, the one with
+    /// its name, else the first.
     pub fn nearest<'p>(&self, path: &'p str, layout: KeyLayout) -> Option<Matched<'p>> {
         if self.is_own(path) {
             return None;
@@ -216,8 +216,8 @@ impl RouteTable {
         Some(by_template.find(is_named_so).unwrap_or(by_prefix))
     }
 
-    /// Robots that take a path, each with the template that it was found by; `None` of one that has a
-    /// prefix.
+    /// Returns the robots that use a path, each with the template that matched; `None` for a robot
+    /// with a prefix.
     fn claims<'p>(&self, path: &'p str, layout: KeyLayout) -> Vec<Claim<'p, '_>> {
         if self.is_own(path) {
             return Vec::new();
@@ -233,7 +233,7 @@ impl RouteTable {
         claims
     }
 
-    /// Robots that a template names. One that has a prefix is found by that alone.
+    /// Returns the robots that a template names. A robot with a prefix is found by that alone.
     fn by_template<'p>(
         &self,
         path: &'p str,
@@ -249,8 +249,8 @@ impl RouteTable {
             .filter(|(matched, _)| self.prefix(&matched.robot).is_none())
     }
 
-    /// Robots of whose prefixes a path begins with one, the longest first: a short one, such as a
-    /// domain, does not hide robots that have theirs below it.
+    /// Returns the robots with a prefix of a path, the longest prefix first: a short one, such as a
+    /// domain, does not hide robots with a longer one below it.
     fn by_prefix<'p>(&self, path: &'p str) -> impl Iterator<Item = Matched<'p>> {
         let prefixes = path.rmatch_indices('/').filter_map(|(at, _)| {
             let (prefix, topic) = (path.get(..at)?, path.get(at + 1..)?);
@@ -265,7 +265,7 @@ impl RouteTable {
         })
     }
 
-    /// What a robot takes from a topic, if anything.
+    /// Returns a robot's use of a topic, if any.
     fn role(&self, matched: &Matched<'_>) -> Option<&TopicRole> {
         let roles = self.roles.get(&matched.robot).unwrap_or(&self.usual);
         roles
@@ -273,7 +273,7 @@ impl RouteTable {
             .find(|role| role.topic.as_str() == matched.topic)
     }
 
-    /// Key expressions of what is to be heard.
+    /// Returns the key expressions of the wanted topics.
     pub fn wanted_expressions(&self) -> BTreeSet<String> {
         let Some(heard) = &self.heard else {
             let mut all = self.usual_expressions();
@@ -289,12 +289,12 @@ impl RouteTable {
         heard.iter().filter_map(of_robot).flatten().collect()
     }
 
-    /// Key expressions of the usual topics of all robots.
+    /// Returns the key expressions of the usual topics of all robots.
     pub fn usual_expressions(&self) -> BTreeSet<String> {
         self.expressions_of(None, &self.usual)
     }
 
-    /// Key expressions of the topics of the robots that are configured.
+    /// Returns the key expressions of the registered robots' topics.
     pub fn robot_expressions(&self) -> BTreeSet<String> {
         let of_robot = |(robot, roles): (&RobotId, &Vec<TopicRole>)| {
             let other = |role: &&TopicRole| !self.usual.contains(role);
@@ -318,8 +318,8 @@ impl RouteTable {
         }
     }
 
-    /// Key expressions that the bridge's topics may have: what is known now, and what the settings
-    /// allow for later.
+    /// Returns the key expressions that the bridge's topics may have: those known now, and those
+    /// that the settings allow for later.
     pub fn bridge_expressions(&self) -> BTreeSet<String> {
         let untyped = |text: &String| TopicKey::parse(text).type_name.is_none();
         let mut all: BTreeSet<String> = self.usual_expressions();
@@ -332,7 +332,7 @@ impl RouteTable {
         all
     }
 
-    /// Key expressions of a topic of every robot behind a bridge.
+    /// Returns the key expressions of a topic of every robot behind a bridge.
     pub fn bridge_paths(&self, topic: &str) -> Vec<String> {
         let templates = self.settings.bridge.iter();
         let by_template = templates.map(|template| template.path_expression(None, topic));
@@ -341,7 +341,7 @@ impl RouteTable {
         by_template.chain(by_prefix).collect()
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &Ros2Settings {
         &self.settings
     }

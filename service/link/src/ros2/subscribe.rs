@@ -13,14 +13,14 @@ use zenoh::{Result, Session};
 use super::Ros2;
 use crate::ingest;
 
-/// The subscribers that there are, by their key expressions.
+/// Subscribers by their key expressions.
 #[derive(Debug, Default)]
 pub struct Subscriptions {
     declared: BTreeMap<String, Subscriber<()>>,
 }
 
 impl Subscriptions {
-    /// Subscribes to what the table wants now, and to nothing else.
+    /// Subscribes to the table's wanted key expressions alone.
     pub async fn follow(&mut self, session: &Session, ros2: &Ros2) -> Result<()> {
         let wanted = ros2.table().wanted_expressions();
         self.declare(session, ros2, &wanted).await?;
@@ -59,7 +59,7 @@ impl Subscriptions {
         Ok(())
     }
 
-    /// Ends all of them.
+    /// Undeclares all of them.
     pub async fn close(self) {
         for (_, subscriber) in self.declared {
             super::warn_if_refused(subscriber.undeclare().await);
@@ -67,7 +67,7 @@ impl Subscriptions {
     }
 }
 
-/// Takes a message that the subscriber of `expression` hears. It runs on Zenoh's receiving threads
+/// Processes a message from the subscriber of `expression`. It runs on Zenoh's receiving threads
 /// and never blocks.
 fn take(ros2: &Ros2, expression: &str, sample: &Sample) {
     let key = sample.key_expr().as_str();

@@ -19,7 +19,7 @@ use crate::Boxed;
 /// Changes a user, or a user's sessions.
 ///
 /// # Errors
-/// [`StoreError::Account`] when it is refused, [`StoreError::KeyReused`]; otherwise the database's
+/// [`StoreError::Account`] if it is refused, [`StoreError::KeyReused`]; otherwise the database's
 /// failure.
 pub fn change_user(
     store: &Store,
@@ -35,7 +35,7 @@ pub fn change_user(
 /// Changes a token.
 ///
 /// # Errors
-/// [`StoreError::Account`] when it is refused, [`StoreError::KeyReused`]; otherwise the database's
+/// [`StoreError::Account`] if it is refused, [`StoreError::KeyReused`]; otherwise the database's
 /// failure.
 pub fn change_token(
     store: &Store,

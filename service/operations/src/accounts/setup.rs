@@ -1,18 +1,18 @@
-//! The codes by which the first administrator is made.
+//! Set-up codes, with which the first administrator is created.
 
 use async_trait::async_trait;
 use fleetcal_domain::access::SetupCode;
 use fleetcal_domain::limits;
 use fleetcal_store::{Job, Records, StoreError};
 
-/// Keeps a code beside those of earlier starts, unless there is a user: whichever was printed last,
-/// and by whichever process, a link works for its day.
+/// Stores a code beside those of earlier starts, unless there is a user: a link works for its day,
+/// whichever process printed it, and whichever was printed last.
 #[derive(Debug, Clone, Copy)]
 pub struct KeepSetupCode(pub SetupCode);
 
 #[async_trait]
 impl Job for KeepSetupCode {
-    /// Whether there is no user, and the code counts.
+    /// True if there is no user, and the code is valid.
     type Done = bool;
 
     async fn run(&self, records: &mut dyn Records) -> Result<bool, StoreError> {

@@ -57,7 +57,7 @@ async fn audit_rows(store: &Store) -> Vec<AuditRow> {
     rows
 }
 
-/// `action subject subject_id actor` of every audit row, oldest first.
+/// Texts `action subject subject_id actor` of every audit row, oldest first.
 async fn audit(store: &Store) -> Vec<String> {
     let rows = audit_rows(store).await;
     let line = |row: &AuditRow| {
@@ -67,12 +67,12 @@ async fn audit(store: &Store) -> Vec<String> {
     rows.iter().map(line).collect()
 }
 
-/// The number of a user: PostgreSQL does not give one again when a transaction is undone.
+/// Number of a user: PostgreSQL does not assign a number again after its transaction was undone.
 async fn id_of(store: &Store, name: &str) -> UserId {
     store.user_named(name).await.unwrap().unwrap().id
 }
 
-/// A sign-in of a user whose password was right at `version`.
+/// Sign-in of a user whose password was right at `version`.
 fn sign_in(id: UserId, version: Version) -> UserChange {
     UserChange::SignIn {
         id,

@@ -12,21 +12,21 @@ use serde_json::{Value, json};
 
 use crate::answers::{made_before, note_made};
 
-/// A change of a token.
+/// Change of a token.
 #[derive(Debug, Clone)]
 pub struct ChangeToken {
-    /// Who changes.
+    /// Actor of the change.
     pub actor: Actor,
-    /// When, wall time.
+    /// Time of the change, wall time.
     pub now: WallTime,
-    /// What.
+    /// Kind of change.
     pub change: TokenChange,
 }
 
-/// What is changed of a token.
+/// Kind of change of a token.
 #[derive(Debug, Clone)]
 pub enum TokenChange {
-    /// A new one.
+    /// Creation of a token.
     Create {
         /// Name.
         name: AccountName,
@@ -34,14 +34,14 @@ pub enum TokenChange {
         grant: Grant,
         /// Hash of its value.
         hash: SecretHash,
-        /// When it ends by itself, wall time.
+        /// End of its validity, wall time.
         expires_ns: Option<WallTime>,
-        /// The request's key.
+        /// Idempotency key of the request.
         key: Option<IdempotencyKey>,
     },
-    /// It counts no more. A token that was revoked before stays as it is.
+    /// Revocation. A token that was revoked before stays as it is.
     Revoke {
-        /// Which.
+        /// Number of the token.
         id: TokenId,
     },
 }
@@ -155,7 +155,7 @@ async fn known(records: &mut dyn Records, id: TokenId) -> Result<TokenRecord, St
     Ok(token.ok_or(AccountRefused::TokenUnknown(id))?)
 }
 
-/// A token as the audit shows it: without its hash.
+/// Record of a token for the audit, without its hash.
 fn shown(token: &TokenRecord) -> Value {
     json!({
         "name": token.name,

@@ -16,21 +16,21 @@ use serde_json::{Value, json};
 
 use crate::answers::{made_before, note_made};
 
-/// A change of a user, or of a user's sessions.
+/// Change of a user, or of a user's sessions.
 #[derive(Debug, Clone)]
 pub struct ChangeUser {
-    /// Who changes.
+    /// Actor of the change.
     pub actor: Actor,
-    /// When, wall time.
+    /// Time of the change, wall time.
     pub now: WallTime,
-    /// What.
+    /// Kind of change.
     pub change: UserChange,
 }
 
-/// What is changed of a user.
+/// Kind of change of a user.
 #[derive(Debug, Clone)]
 pub enum UserChange {
-    /// A new one.
+    /// Creation of a user.
     Create {
         /// Name.
         name: AccountName,
@@ -38,60 +38,60 @@ pub enum UserChange {
         grant: Grant,
         /// Password.
         password: PasswordHash,
-        /// The request's key.
+        /// Idempotency key of the request.
         key: Option<IdempotencyKey>,
     },
-    /// The first administrator, signed in; refused when there is any user.
+    /// Creation of the first administrator, signed in; refused if there is any user.
     SetUp {
         /// Name.
         name: AccountName,
         /// Password.
         password: PasswordHash,
-        /// The browser's session.
+        /// Session of the browser.
         session: SecretHash,
     },
-    /// Some of role, password and `disabled`. Sessions end, unless the role alone changes.
+    /// Change of role, password or `disabled`. Sessions end, unless the role alone changes.
     Edit {
-        /// Who.
+        /// Number of the user.
         id: UserId,
-        /// The version that the caller saw.
+        /// Version that the caller read.
         expected: Expected,
-        /// The new values.
+        /// New values.
         edit: UserEdit,
-        /// The one session that goes on.
+        /// Session that continues, if any.
         keep: Option<SecretHash>,
     },
-    /// Away with it.
+    /// Removal of a user.
     Remove {
-        /// Who.
+        /// Number of the user.
         id: UserId,
-        /// The version that the caller saw.
+        /// Version that the caller read.
         expected: Expected,
     },
-    /// A new session of a user whose password was right at `version`.
+    /// Sign-in of a user whose password was right at `version`.
     SignIn {
-        /// Who.
+        /// Number of the user.
         id: UserId,
-        /// The version whose password was right.
+        /// Version whose password was right.
         version: Version,
-        /// The browser's session.
+        /// Session of the browser.
         session: SecretHash,
     },
-    /// The end of a session.
+    /// Sign-out: the end of a session.
     SignOut {
-        /// Which.
+        /// Session to end.
         session: SecretHash,
     },
 }
 
-/// New values of a user; `None` leaves the old one.
+/// New values of a user; `None` keeps the old one.
 #[derive(Debug, Clone, Default)]
 pub struct UserEdit {
     /// Role.
     pub grant: Option<Grant>,
     /// Password.
     pub password: Option<PasswordHash>,
-    /// Whether signing in is refused.
+    /// True if signing in is refused.
     pub disabled: Option<bool>,
 }
 
@@ -265,7 +265,7 @@ impl ChangeUser {
         Ok(after)
     }
 
-    /// A new session; ended ones go, and the oldest of a user who has too many.
+    /// Adds a session; deletes ended ones, and the oldest of a user who has too many.
     async fn begin_session(
         &self,
         records: &mut dyn Records,
@@ -320,7 +320,7 @@ impl ChangeUser {
     }
 }
 
-/// Refuses what would leave nobody who can administrate.
+/// Refuses a change that would leave no administrator.
 async fn check_admin_stays(
     records: &mut dyn Records,
     user: &UserRecord,
@@ -350,7 +350,7 @@ async fn known(records: &mut dyn Records, id: UserId) -> Result<UserRecord, Stor
     Ok(user.ok_or(AccountRefused::UserUnknown(id))?)
 }
 
-/// A user as the audit shows it: without the password's hash.
+/// Record of a user for the audit, without the password's hash.
 fn shown(user: &UserRecord) -> Value {
     json!({
         "name": user.name,

@@ -1,4 +1,4 @@
-//! The look around, each second.
+//! Periodic evaluation of the rules, each second.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -21,19 +21,19 @@ use tokio::time::MissedTickBehavior;
 
 use super::{AlertEvaluator, Observe};
 
-/// How often the robots are looked at.
+/// Interval of the evaluations.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
-/// What the alert evaluator remembers between two looks.
+/// Memory of the alert evaluator between two evaluations.
 #[derive(Debug, Default)]
 struct Memory {
-    /// Each robot's records as they were last seen, and its newest deployment then.
+    /// Last read records of each robot, and its newest deployment at that time.
     deployments: BTreeMap<RobotId, (Arc<RobotLedger>, Option<Deployment>)>,
-    /// When each robot's estimator last told a fault, wall time, and what it came from.
+    /// Time and source of the last fault that each robot's estimator reported, wall time.
     faults: BTreeMap<RobotId, (WallTime, &'static str)>,
 }
 
-/// Looks at every robot until the alert evaluator stops.
+/// Evaluates every robot until the alert evaluator stops.
 pub(super) async fn watch(evaluator: AlertEvaluator, mut live: broadcast::Receiver<LiveUpdate>) {
     let mut ticks = tokio::time::interval(LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -58,13 +58,13 @@ pub(super) async fn watch(evaluator: AlertEvaluator, mut live: broadcast::Receiv
         };
         match seen.await {
             Ok(()) => had_duty = true,
-            Err(error) => tracing::error!(%error, "the alerts could not be brought up to date"),
+            Err(error) => tracing::error!(%error, "the alerts could not be updated"),
         }
     }
 }
 
 impl Memory {
-    /// Takes what the fleet told since the last look.
+    /// Processes the fleet's updates since the last evaluation.
     fn hear(&mut self, live: &mut broadcast::Receiver<LiveUpdate>, now: WallTime) {
         loop {
             match live.try_recv() {
@@ -77,7 +77,7 @@ impl Memory {
                 }
                 Ok(_) => {}
                 Err(TryRecvError::Lagged(lost)) => {
-                    tracing::warn!(lost, "live updates passed the alert evaluator by");
+                    tracing::warn!(lost, "the alert evaluator missed live updates");
                 }
                 Err(TryRecvError::Empty | TryRecvError::Closed) => return,
             }
@@ -95,7 +95,7 @@ const fn words(cause: Cause) -> &'static str {
     }
 }
 
-/// Whether robots reach this instance, as its row said last.
+/// True if robots reach this instance, by its last row.
 fn is_linked(cluster: &Cluster) -> bool {
     let snapshot = cluster.snapshot();
     let seat = cluster.seat();
@@ -103,7 +103,7 @@ fn is_linked(cluster: &Cluster) -> bool {
     own.is_some_and(|own| own.linked)
 }
 
-/// Robots of instances that this one does not hear: nothing of how they do comes here.
+/// Robots of instances that this one does not receive: their data do not arrive here.
 fn out_of_sight(cluster: &Cluster) -> BTreeSet<RobotId> {
     let snapshot = cluster.snapshot();
     let seat = cluster.seat();
@@ -120,8 +120,8 @@ fn out_of_sight(cluster: &Cluster) -> BTreeSet<RobotId> {
 }
 
 impl AlertEvaluator {
-    /// Whether the duty is this instance's and it sees the robots: one that no robot reaches would
-    /// take all of them for silent.
+    /// True if the duty is this instance's and robots reach it: otherwise it would find all of them
+    /// silent.
     fn may_look(&self) -> bool {
         let inner = &self.inner;
         let membership = &inner.membership;
@@ -132,7 +132,7 @@ impl AlertEvaluator {
             && membership.may_act(inner.clock.uptime())
     }
 
-    /// Looks once at every robot and takes to the store what has changed.
+    /// Evaluates every robot once and passes the changes to the store.
     async fn look(&self, memory: &mut Memory) -> Result<(), StoreError> {
         // Of the life in which it looks: a duty of another one says nothing of what was seen in this.
         let cluster = self.inner.membership.cluster();
@@ -195,7 +195,7 @@ impl AlertEvaluator {
         Ok(())
     }
 
-    /// Makes one sighting of robots that fell silent together.
+    /// Merges robots that fell silent together into one sighting.
     fn group(&self, seen: &mut Vec<(Subject, Sighting)>, set_up: usize) {
         let active = self.active();
         let kind = AlertKind::NoData;
@@ -206,7 +206,7 @@ impl AlertEvaluator {
         });
     }
 
-    /// Whether a sighting changes anything. The store asks the same again of what it holds.
+    /// True if a sighting changes anything. The store repeats this check on its own records.
     fn is_news(&self, subject: &Subject, sighting: &Sighting, now: WallTime) -> bool {
         let periods = self.inner.policy.periods(sighting.kind);
         let active = self.active();
@@ -214,7 +214,7 @@ impl AlertEvaluator {
         step(before, subject, sighting, now, periods) != Step::Same
     }
 
-    /// A robot's newest deployment; it is read again when the robot's records have changed.
+    /// Newest deployment of a robot; it is read again after a change of the robot's records.
     async fn latest(
         &self,
         memory: &mut Memory,

@@ -1,5 +1,5 @@
-//! Keeps watch: each second it holds every robot against the rules of [`fleetcal_domain::alert`] and takes
-//! what has changed to the store.
+//! Alert evaluator: it evaluates the rules of [`fleetcal_domain::alert`] for every robot each
+//! second and passes changes to the store.
 
 mod duty;
 mod standings;
@@ -27,20 +27,20 @@ use tokio_util::task::TaskTracker;
 use crate::Boxed;
 use crate::lifecycle::Lifecycle;
 
-/// What an alert evaluator works with.
+/// Parts that an alert evaluator uses.
 #[derive(Debug)]
 pub struct AlertEvaluatorSetup {
-    /// Where alerts are kept.
+    /// Store of the alerts.
     pub store: Store,
-    /// The robots.
+    /// Robots of the fleet.
     pub fleet: FleetHandle,
-    /// Their records.
+    /// Records of the robots.
     pub lifecycle: Lifecycle,
-    /// Where time comes from.
+    /// Clock of the service.
     pub clock: SharedClock,
-    /// What is alerted, and after how long.
+    /// Policy of alerts: kinds in use, and their delays.
     pub policy: AlertPolicy,
-    /// Whether another instance may have this duty.
+    /// Membership in a cluster, in which another instance may have this duty.
     pub membership: Membership,
 }
 
@@ -58,14 +58,14 @@ struct Inner {
     tasks: TaskTracker,
 }
 
-/// The alert evaluator, cheap to clone.
+/// Alert evaluator, cheap to clone.
 #[derive(Debug, Clone)]
 pub struct AlertEvaluator {
     inner: Arc<Inner>,
 }
 
 impl AlertEvaluator {
-    /// Reads the alerts that are active and begins to watch.
+    /// Reads the active alerts and begins to evaluate.
     ///
     /// # Errors
     /// The database's failure.
@@ -102,15 +102,15 @@ impl AlertEvaluator {
         Ok(evaluator)
     }
 
-    /// Ends the watch. A change that is under way is finished.
+    /// Ends the evaluation. A change that is under way is finished.
     pub async fn stop(&self) {
         self.inner.stop.cancel();
         self.inner.tasks.close();
         self.inner.tasks.wait().await;
     }
 
-    /// Reads the active alerts, of which another instance takes care, and tells listeners what has
-    /// changed.
+    /// Reads the active alerts, which another instance evaluates, and publishes changes to
+    /// listeners.
     ///
     /// # Errors
     /// The database's failure.
@@ -138,7 +138,7 @@ impl AlertEvaluator {
         });
     }
 
-    /// How many alerts of each kind stand in each condition.
+    /// Number of alerts by kind and condition.
     pub fn counts(&self) -> BTreeMap<(AlertKind, ConditionName), u64> {
         let mut counts = BTreeMap::new();
         for alert in self.active().values() {
@@ -150,10 +150,10 @@ impl AlertEvaluator {
         counts
     }
 
-    /// Somebody takes an alert on; it is committed when this returns.
+    /// Acknowledges an alert; the acknowledgement is committed when this returns.
     ///
     /// # Errors
-    /// [`StoreError::Alert`] when it does not fit, or the database's failure; nothing has changed
+    /// [`StoreError::Alert`] if it does not fit, or the database's failure; nothing has changed
     /// then.
     pub async fn acknowledge(
         &self,
@@ -174,7 +174,7 @@ impl AlertEvaluator {
         Ok(alert)
     }
 
-    /// Remembers what was committed, and tells every listener.
+    /// Stores the committed changes, and publishes them to every listener.
     fn take(&self, changes: &[AlertChange]) {
         for change in changes {
             let told = match change {
@@ -216,8 +216,8 @@ impl AlertEvaluator {
         }
     }
 
-    /// The map is whole after every statement, so the panic of another thread leaves nothing half
-    /// done.
+    /// Lock of the active alerts. The map is consistent after every statement, so that the panic of
+    /// another thread leaves no partial change.
     fn active(&self) -> MutexGuard<'_, BTreeMap<(Subject, AlertKind), Alert>> {
         self.inner
             .active
@@ -226,7 +226,7 @@ impl AlertEvaluator {
     }
 }
 
-/// An alert that came to its end at this time.
+/// Alert that ended at this time.
 fn ended(alert: Alert, since_ns: WallTime) -> Alert {
     Alert {
         version: alert.version.next(),
@@ -236,7 +236,7 @@ fn ended(alert: Alert, since_ns: WallTime) -> Alert {
     }
 }
 
-/// Which of two writes of an alert is the later one: its version, and within one its words.
+/// Order of two writes of an alert: by version, and within one by the time of the description.
 const fn place(alert: &Alert) -> (AlertId, Version, WallTime) {
     (alert.id, alert.version, alert.told_ns)
 }

@@ -10,7 +10,7 @@ use fleetcal_proto::RobotId;
 
 use super::AlertEvaluator;
 
-/// What the standing of every robot follows from, beside the robot itself and its records.
+/// Facts that determine every robot's standing, beside its view and its records.
 #[derive(Debug, Clone)]
 pub struct Standings {
     alerts: BTreeMap<RobotId, RobotAlerts>,
@@ -19,7 +19,7 @@ pub struct Standings {
 }
 
 impl Standings {
-    /// How a robot stands.
+    /// Standing of a robot.
     pub fn of(&self, view: &RobotView, ledger: &RobotLedger) -> Standing {
         let basis = self.basis(view, ledger);
         match self.alerts.get(&view.id) {
@@ -28,19 +28,19 @@ impl Standings {
         }
     }
 
-    /// How a robot stands apart from its alerts.
+    /// Standing of a robot without its alerts.
     pub(super) fn basis(&self, view: &RobotView, ledger: &RobotLedger) -> StandingBasis {
         StandingBasis::of(view, ledger, &self.propose_beyond, self.now)
     }
 
-    /// The alerts of a robot.
+    /// Alerts of a robot.
     pub(super) fn alerts(&self, robot: &RobotId) -> RobotAlerts {
         self.alerts.get(robot).cloned().unwrap_or_default()
     }
 }
 
 impl AlertEvaluator {
-    /// What the standings of robots follow from at this moment.
+    /// Standings at this moment.
     pub fn standings(&self) -> Standings {
         Standings {
             alerts: RobotAlerts::by_robot(self.active().values()),

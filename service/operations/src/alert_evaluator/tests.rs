@@ -20,7 +20,7 @@ use crate::webhook_dispatcher::{CreateWebhook, DeleteWebhook, NoteAttempt};
 const NS: i64 = 1_000_000_000;
 const NOW_S: i64 = NOW_NS / NS;
 
-/// Tells the child process which database to write to.
+/// Variable that names the child process's database.
 const DATABASE: &str = "FLEETCAL_TEST_STORE";
 /// Name of the child's test.
 const CHILD: &str = "alert_evaluator::tests::child_that_is_killed";
@@ -383,8 +383,8 @@ async fn an_attempt_is_written_down_and_the_next_one_waits() {
     assert_eq!(log[0].message, due[0].delivery.message);
 }
 
-/// Lets one alert after another begin, and tells each that is committed, until it is killed by its
-/// parent.
+/// Child process that begins one alert after another, and prints each committed one, until its
+/// parent kills it.
 #[tokio::test]
 #[ignore = "is the child of a_kill_between_commit_and_sending_loses_no_message"]
 async fn child_that_is_killed() {

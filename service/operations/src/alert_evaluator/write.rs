@@ -1,4 +1,4 @@
-//! Changes of alerts: each is read, made and written in one transaction, with what is told of it.
+//! Changes of alerts: each is read, made and written in one transaction, with its messages.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -19,42 +19,42 @@ use fleetcal_store::{AlertMoment, AuditEntry, Job, Records, StoreError};
 
 use crate::webhook_dispatcher::outbox;
 
-/// Takes what the rules have seen.
+/// Observation of the rules, to be stored.
 #[derive(Debug, Clone)]
 pub struct Observe {
-    /// Of which robots, or of the fleet.
+    /// Sightings of robots, or of the fleet.
     pub sightings: Vec<(Subject, Sighting)>,
-    /// How long something has to last.
+    /// Delays of the alerts.
     pub policy: Arc<AlertPolicy>,
-    /// How these robots stand apart from their alerts, and what alerts they had before.
+    /// Standings of these robots without their alerts, and their previous alerts.
     pub standing: BTreeMap<RobotId, (StandingBasis, RobotAlerts)>,
-    /// Who must have the duty of alerts until this is written; `None` where one service has all.
+    /// Seat that must have the duty of alerts until this is written; `None` for a single service.
     pub evaluator: Option<Seat>,
     /// Wall time.
     pub now: WallTime,
 }
 
-/// Somebody takes an alert on.
+/// Acknowledgement of an alert.
 #[derive(Debug, Clone)]
 pub struct Acknowledge {
-    /// Which.
+    /// Number of the alert.
     pub id: AlertId,
-    /// The version that was looked at.
+    /// Version that the person read.
     pub version: Version,
-    /// Who.
+    /// Actor of the acknowledgement.
     pub actor: Actor,
-    /// What the person has to say.
+    /// Note of the person.
     pub note: Option<String>,
     /// Wall time.
     pub now: WallTime,
 }
 
-/// What became of one alert.
+/// Change of one alert.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum AlertChange {
-    /// It is new or has changed.
+    /// New or changed alert.
     Kept(Box<Alert>),
-    /// It was pending, came to nothing, and is gone.
+    /// Pending alert that came to nothing, and was deleted.
     Dropped(Box<Alert>),
 }
 
@@ -68,7 +68,7 @@ impl Job for Observe {
         {
             tracing::info!(
                 instance = seat.instance.as_str(),
-                "another instance watches for alerts now"
+                "another instance evaluates the alerts now"
             );
             return Ok(Vec::new());
         }
@@ -135,7 +135,8 @@ impl Observe {
     }
 }
 
-/// How the robot of an alert stands once the alert is as it is now; `None` of one about several.
+/// Standing of an alert's robot with the alert in its present condition; `None` for an alert about
+/// several robots.
 fn standing_with(
     standing: &mut BTreeMap<RobotId, (StandingBasis, RobotAlerts)>,
     alert: &Alert,

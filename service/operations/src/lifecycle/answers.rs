@@ -1,4 +1,4 @@
-//! Robots' answers.
+//! Answers of robots.
 
 use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
@@ -12,8 +12,8 @@ use fleetcal_store::StoreError;
 use super::Lifecycle;
 
 impl Lifecycle {
-    /// Takes a robot's answer. It never blocks: this runs on the link's receiving threads. An
-    /// answer that is lost comes again, because it is not confirmed.
+    /// Queues a robot's answer. It never blocks, as it runs on the link's receiving threads. The
+    /// robot repeats a lost answer, because it is not confirmed.
     pub fn take_answer(&self, robot: &RobotId, applied: Applied) {
         if !self.is_registered(robot) {
             tracing::debug!(robot.id = %robot, "an answer of a robot that is not registered");
@@ -22,11 +22,11 @@ impl Lifecycle {
         let now = self.inner.clock.elapsed();
         if !self.inner.answers.put(robot, applied, now) {
             self.inner.lost_answers.fetch_add(1, Ordering::Relaxed);
-            self.log_loss(robot, "an answer was lost beyond the robot's limit", "");
+            self.log_loss(robot, "an answer beyond the robot's limit was dropped", "");
         }
     }
 
-    /// Counts an answer that cannot be read.
+    /// Counts an answer that cannot be decoded.
     pub fn refuse_answer(&self, robot: &RobotId, reason: &str) {
         self.inner
             .unreadable_answers
@@ -39,7 +39,7 @@ impl Lifecycle {
         view.is_some_and(|view| view.config.is_some())
     }
 
-    /// Logs a loss, of each robot and kind once a minute.
+    /// Logs a loss, once a minute for each robot and kind.
     fn log_loss(&self, robot: &RobotId, kind: &'static str, reason: &str) {
         let registered = self.is_registered(robot).then_some(robot);
         let now = self.inner.clock.elapsed();
@@ -53,7 +53,7 @@ impl Lifecycle {
     /// Stores a robot's answer.
     ///
     /// # Errors
-    /// [`StoreError::Refused`] when it fits no record, or the database's failure.
+    /// [`StoreError::Refused`] if it fits no record, or the database's failure.
     pub async fn acknowledge(
         &self,
         robot: &RobotId,
@@ -69,8 +69,8 @@ impl Lifecycle {
         })
     }
 
-    /// Whether an answer may be stored: it says what the robot has said already, or answers the
-    /// deployment under way for the first time, or the robot has said little that was new.
+    /// True if an answer may be stored: it repeats the robot's last one, or is the first about the
+    /// deployment under way, or the robot has sent few new ones.
     fn may_store(&self, robot: &RobotId, applied: &Applied) -> bool {
         let ledger = self.ledger(robot);
         let reported = ledger.shadow.reported.as_ref();
@@ -89,7 +89,7 @@ impl Lifecycle {
     }
 }
 
-/// Stores what comes until the lifecycle stops.
+/// Stores queued answers until the lifecycle stops.
 pub(super) async fn hear(lifecycle: Lifecycle) {
     loop {
         let (robot, applied) = tokio::select! {
@@ -98,7 +98,7 @@ pub(super) async fn hear(lifecycle: Lifecycle) {
         };
         if !lifecycle.may_store(&robot, &applied) {
             lifecycle.inner.lost_answers.fetch_add(1, Ordering::Relaxed);
-            lifecycle.log_loss(&robot, "an answer was lost beyond the robot's limit", "");
+            lifecycle.log_loss(&robot, "an answer beyond the robot's limit was dropped", "");
             continue;
         }
         let actor = Actor::robot(&robot);

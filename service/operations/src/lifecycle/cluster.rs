@@ -1,4 +1,4 @@
-//! Lifecycle where other instances decide as well.
+//! Lifecycle beside other instances that decide as well.
 
 use std::sync::{Arc, PoisonError};
 
@@ -12,7 +12,7 @@ use fleetcal_store::StoreError;
 use super::Lifecycle;
 
 impl Lifecycle {
-    /// Reads the records of robots that another instance has changed.
+    /// Reads again the records of robots that another instance has changed.
     ///
     /// # Errors
     /// The database's failure.
@@ -39,12 +39,12 @@ impl Lifecycle {
         Ok(())
     }
 
-    /// Tells a robot's task, which has just begun, what the robot compensates with.
+    /// Passes the calibration in use to a robot's task that has just begun.
     pub fn tell_fleet_again(&self, robot: &RobotId) {
         self.tell_fleet(&self.ledger(robot));
     }
 
-    /// Reads the deployment freeze, which another instance has changed.
+    /// Reads again the deployment freeze, which another instance has changed.
     ///
     /// # Errors
     /// The database's failure.
@@ -61,7 +61,7 @@ impl Lifecycle {
         Ok(())
     }
 
-    /// Reads the policy, which another instance has changed.
+    /// Reads again the policy, which another instance has changed.
     ///
     /// # Errors
     /// The database's failure.
@@ -73,8 +73,8 @@ impl Lifecycle {
         Ok(())
     }
 
-    /// A robot's records as the database has them at this moment; where one service decides alone,
-    /// as it knows them.
+    /// Records of a robot as the database has them at this moment; for a single service, as it has
+    /// them in memory.
     ///
     /// # Errors
     /// The database's failure.
@@ -88,8 +88,8 @@ impl Lifecycle {
         Ok(self.ledger(robot))
     }
 
-    /// The tenure that a command needs. What the service does by itself is the owner's part, but for
-    /// what it tells a robot that asks: any instance answers.
+    /// Tenure that a command needs. The service's own decisions are the owner's part, except
+    /// answers to a robot's request: any instance has them.
     pub(super) fn tenure_for(
         &self,
         robot: &RobotId,

@@ -1,5 +1,5 @@
-//! A decision on one robot's records: they are loaded, the pure [`step`] is taken, and what it
-//! leaves is saved with its audit, its history and its messages, in one transaction.
+//! Decision on one robot's records: they are loaded, the pure [`step`] is applied, and its outcome
+//! is saved with its audit, its history and its messages, in one transaction.
 
 use std::sync::Arc;
 
@@ -29,40 +29,39 @@ use crate::answers::{made_before, note_made};
 use crate::notes;
 use crate::webhook_dispatcher::outbox;
 
-/// A command on one robot's records, to be taken in one transaction.
+/// Command on one robot's records, to be applied in one transaction.
 #[derive(Debug, Clone)]
 pub struct Decide {
-    /// Whose records.
+    /// Robot of the records.
     pub robot: RobotId,
-    /// What is asked.
+    /// Command to apply.
     pub command: Command,
-    /// Who asks.
+    /// Originator of the command.
     pub actor: Actor,
-    /// The tenure by which the service asks by itself, where there are several instances: without
-    /// it, it decides nothing.
+    /// Tenure of the service's own decision, in a cluster: it must not have ended.
     pub tenure: Option<Tenure>,
-    /// The rules of the configuration file, which count where none were set.
+    /// Policy of the configuration file, in force unless another one was set.
     pub given_policy: Arc<Policy>,
-    /// What documents are signed with.
+    /// Key that signs documents.
     pub key: Arc<SigningKey>,
     /// Wall time.
     pub now: WallTime,
-    /// What makes a repeated request recognisable.
+    /// Idempotency key of the request, by which a repetition is recognised.
     pub idempotency: Option<IdempotencyKey>,
-    /// Where the robot's rear axle is in its `base_link`, where that is configured.
+    /// Pose of the rear axle in the robot's `base_link`, if configured.
     pub rear_axle_in_base_link: Option<Pose2>,
-    /// What its estimator says at this moment.
+    /// Present estimate of the robot.
     pub present: Present,
-    /// The robot as it is seen at this moment; `None` of one that the fleet does not know.
+    /// View of the robot at this moment; `None` for one that the fleet lacks.
     pub view: Option<Box<RobotView>>,
 }
 
-/// What became of a decision.
+/// Result of a decision.
 #[derive(Debug, Clone)]
 pub enum Decided {
-    /// It was taken and is committed.
+    /// Committed decision.
     Taken(Box<Outcome>),
-    /// The same request was answered before, with this proposal.
+    /// Proposal of the same request, which was answered before.
     Repeated(Box<Proposal>),
 }
 
@@ -132,8 +131,8 @@ impl Decide {
         }
     }
 
-    /// What the estimator says at this moment. Its latest estimate may be from before a reassembly that is
-    /// reported already: then nothing is known.
+    /// Present estimate. The latest one may be older than a reassembly that is reported already:
+    /// then it is unknown.
     async fn present_beside_notes(&self, records: &mut dyn Records) -> Result<Present, StoreError> {
         let asks_people = matches!(
             self.command,
@@ -157,7 +156,7 @@ impl Decide {
         })
     }
 
-    /// The proposal with which the same request was answered before.
+    /// Proposal with which the same request was answered before.
     async fn answered(&self, records: &mut dyn Records) -> Result<Option<Proposal>, StoreError> {
         let scope = AnswerScope::Proposal(&self.robot);
         match made_before(records, scope, self.idempotency.as_ref()).await? {
@@ -179,7 +178,7 @@ impl Decide {
         note_made(records, scope, key, id, self.now).await
     }
 
-    /// Tells webhooks what waits for people now.
+    /// Adds messages about open proposals to the outbox of webhooks.
     async fn tell(
         &self,
         records: &mut dyn Records,
@@ -205,7 +204,7 @@ impl Decide {
     }
 }
 
-/// The drawing that a robot is configured with, and who gave it.
+/// Configured drawing of a robot, with its author.
 fn drawing(robot: RobotRecord) -> Option<Drawing> {
     let mount = robot.config?.nominal_extrinsics?;
     Some(Drawing {
@@ -215,7 +214,7 @@ fn drawing(robot: RobotRecord) -> Option<Drawing> {
 }
 
 impl Decide {
-    /// How the robot stands with an outcome.
+    /// Standing of the robot with an outcome.
     async fn stands(
         &self,
         records: &mut dyn Records,
@@ -238,7 +237,7 @@ impl Decide {
         Ok(Some(basis.with(&alerts)))
     }
 
-    /// The rows of the audit that an outcome asks for.
+    /// Rows of the audit for an outcome.
     fn audit(&self, outcome: &Outcome) -> Vec<AuditEntry> {
         let entry = |transition: &Transition| {
             let (before, after) = audited(transition);
@@ -256,7 +255,7 @@ impl Decide {
         outcome.transitions.iter().map(entry).collect()
     }
 
-    /// What an outcome puts into the robot's history.
+    /// Entries of the robot's history for an outcome.
     fn events(&self, outcome: &Outcome) -> Vec<NewEvent> {
         let source = match self.actor.authentication {
             Authentication::Service => EventSource::Service,

@@ -1,4 +1,4 @@
-//! Due work of the lifecycle, each second.
+//! Due commands of the lifecycle, each second.
 
 use std::time::Duration;
 
@@ -12,10 +12,10 @@ use tokio::time::MissedTickBehavior;
 use super::Lifecycle;
 use crate::notes;
 
-/// How often the records are looked at.
+/// Interval of the checks of the records.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
-/// Looks at every robot's records until the lifecycle stops.
+/// Checks every robot's records until the lifecycle stops.
 pub(super) async fn attend(lifecycle: Lifecycle) {
     let mut ticks = tokio::time::interval(LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -29,7 +29,7 @@ pub(super) async fn attend(lifecycle: Lifecycle) {
 }
 
 impl Lifecycle {
-    /// Looks once at every robot's records and does what is due.
+    /// Checks every robot's records once, and applies due commands.
     pub(super) async fn look(&self) {
         let now = self.inner.clock.now();
         let membership = &self.inner.membership;
@@ -42,7 +42,7 @@ impl Lifecycle {
                     notes::bring(&self.inner.store, &self.inner.fleet, &view.id).await
             {
                 self.inner.fleet.want_notes(&view.id);
-                tracing::error!(robot.id = %view.id, %error, "notes are not brought");
+                tracing::error!(robot.id = %view.id, %error, "notes cannot be passed on");
             }
             let Some(command) = self.due(&view, now) else {
                 continue;
@@ -52,10 +52,10 @@ impl Lifecycle {
                 Ok(_) => {}
                 // Somebody was faster; the next look sees what is due then.
                 Err(refused @ (StoreError::Refused(_) | StoreError::Fenced(_))) => {
-                    tracing::debug!(robot.id = %view.id, %refused, "what was due does not fit");
+                    tracing::debug!(robot.id = %view.id, %refused, "a due command does not fit");
                 }
                 Err(error) => {
-                    tracing::error!(robot.id = %view.id, %error, "what was due was not done");
+                    tracing::error!(robot.id = %view.id, %error, "a due command failed");
                 }
             }
         }

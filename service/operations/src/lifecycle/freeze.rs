@@ -1,4 +1,4 @@
-//! The deployment freeze.
+//! Changes of the deployment freeze.
 
 use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
@@ -7,18 +7,18 @@ use fleetcal_domain::audit::Action;
 use fleetcal_model::{Version, WallTime};
 use fleetcal_store::{AuditEntry, DeploymentFreeze, Job, Records, StoreError};
 
-/// A change of the deployment freeze.
+/// Change of the deployment freeze.
 #[derive(Debug, Clone)]
 pub struct SetFreeze {
-    /// Whether deployments are to be frozen.
+    /// True to freeze deployments.
     pub frozen: bool,
-    /// The version that was looked at.
+    /// Version that the person read.
     pub version: Version,
-    /// Who.
+    /// Actor of the change.
     pub actor: Actor,
-    /// When, wall time.
+    /// Time of the change, wall time.
     pub now: WallTime,
-    /// Why.
+    /// Reason for the change.
     pub reason: String,
 }
 

@@ -5,8 +5,7 @@ use fleetcal_domain::approval::{
 };
 use fleetcal_store::EventKind;
 
-/// The kind under which a transition is kept in its robot's history; `None` of one that is in the
-/// audit alone.
+/// Kind of a transition's entry in its robot's history; `None` for one that is in the audit alone.
 pub(super) fn kind_of(transition: &Transition) -> Option<EventKind> {
     match transition {
         Transition::Proposal(change) => kind_of_proposal(change.action),

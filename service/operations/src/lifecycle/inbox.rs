@@ -1,5 +1,5 @@
-//! Robots' answers that wait to be stored: a queue for each robot, emptied in turn, so that nobody's
-//! flood keeps the others' waiting.
+//! Inbox of robots' answers that wait to be stored: a queue for each robot, emptied in turn, so
+//! that a flood of one robot does not delay the others.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Bound;
@@ -14,7 +14,7 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Applied;
 use tokio::sync::Notify;
 
-/// One robot's answers. There is one for each robot that is registered, and none for others.
+/// Queue of one robot's answers. Only registered robots have one.
 #[derive(Debug)]
 struct Queue {
     waiting: VecDeque<Applied>,
@@ -35,12 +35,12 @@ impl Default for Queue {
 #[derive(Debug, Default)]
 struct Queues {
     of_robots: BTreeMap<RobotId, Queue>,
-    /// Whose answer was taken last.
+    /// Robot of the last answer that was removed.
     last: Option<RobotId>,
 }
 
 impl Queues {
-    /// The next answer, of the next robot that has one.
+    /// Removes the next answer, of the next robot that has one.
     fn next(&mut self) -> Option<(RobotId, Applied)> {
         let after = self.last.take();
         let from = after.as_ref().map_or(Bound::Unbounded, Bound::Excluded);
@@ -54,7 +54,7 @@ impl Queues {
     }
 }
 
-/// See the module.
+/// Inbox of robots' answers.
 #[derive(Debug, Default)]
 pub(super) struct Inbox {
     queues: Mutex<Queues>,
@@ -62,14 +62,14 @@ pub(super) struct Inbox {
 }
 
 impl Inbox {
-    /// The queues are whole after every statement, so the panic of another thread leaves nothing
-    /// half done.
+    /// Lock of the queues. They are consistent after every statement, so that the panic of another
+    /// thread leaves no partial change.
     fn lock(&self) -> MutexGuard<'_, Queues> {
         self.queues.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes an answer in at `now`, the running clock. `false` when one was lost for it: this one
-    /// when the robot has used up what it may say, or else the oldest of its own. It never blocks.
+    /// Queues an answer at `now`, running time. Returns `false` if one was dropped: this one if the
+    /// robot has exhausted its budget, or else its oldest one. It never blocks.
     pub(super) fn put(&self, robot: &RobotId, answer: Applied, now: Duration) -> bool {
         let kept = {
             let mut queues = self.lock();
@@ -91,7 +91,7 @@ impl Inbox {
         kept
     }
 
-    /// Whether a robot may still put news into its records in this hour.
+    /// True if a robot may still change its records by new answers in this hour.
     pub(super) fn has_room_for_news(&self, robot: &RobotId, now: Duration) -> bool {
         let mut queues = self.lock();
         let queue = queues.of_robots.entry(robot.clone()).or_default();

@@ -1,8 +1,8 @@
-//! Keeps the life cycle going: takes decisions to the store one at a time for each robot, hears
-//! robots' answers, and does each second what is due.
+//! Lifecycle of calibrations: it stores decisions one at a time for each robot, stores robots'
+//! answers, and applies due commands each second.
 //!
-//! What is decided is pure and stands in [`fleetcal_domain::approval`]; what is decided upon stands in the
-//! store. This is the part between them that waits.
+//! Decisions are pure functions of [`fleetcal_domain::approval`] on the records of the store. This
+//! is the asynchronous part between them.
 
 mod answers;
 mod cluster;
@@ -47,24 +47,24 @@ use fleetcal_fleet::{FleetHandle, UsedValues};
 use inbox::Inbox;
 use policy::Rules;
 
-/// What the lifecycle works with.
+/// Parts that the lifecycle uses.
 #[derive(Debug)]
 pub struct LifecycleSetup {
-    /// Where the records are.
+    /// Store of the records.
     pub store: Store,
-    /// Whose robots they are about.
+    /// Fleet of the robots.
     pub fleet: FleetHandle,
-    /// Where time comes from.
+    /// Clock of the service.
     pub clock: SharedClock,
-    /// The rules of the configuration file.
+    /// Policy of the configuration file.
     pub policy: Policy,
-    /// What documents are signed with.
+    /// Key that signs documents.
     pub key: SigningKey,
-    /// Whether other instances decide as well.
+    /// Membership in a cluster, in which other instances decide as well.
     pub membership: Membership,
 }
 
-/// One robot's records, and whose turn it is to change them.
+/// Records of one robot, and the lock of their changes.
 #[derive(Debug)]
 struct RobotLock {
     ledger: RwLock<Arc<RobotLedger>>,
@@ -83,7 +83,7 @@ struct Inner {
     freeze: RwLock<DeploymentFreeze>,
     answers: Inbox,
     losses: std::sync::Mutex<LossLog>,
-    /// Something is to be sent.
+    /// Signal that a message is to be sent.
     outbox: Notify,
     lost_answers: AtomicU64,
     unreadable_answers: AtomicU64,
@@ -92,14 +92,14 @@ struct Inner {
     tasks: TaskTracker,
 }
 
-/// The life cycle of calibrations at work, cheap to clone.
+/// Lifecycle of calibrations, cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Lifecycle {
     inner: Arc<Inner>,
 }
 
 impl Lifecycle {
-    /// Reads every robot's records and goes to work.
+    /// Reads every robot's records and begins to work.
     ///
     /// # Errors
     /// The database's failure.
@@ -144,19 +144,19 @@ impl Lifecycle {
         Ok(lifecycle)
     }
 
-    /// Ends what the lifecycle does by itself. Decisions that are under way are finished.
+    /// Ends the lifecycle's own tasks. Decisions that are under way are finished.
     pub async fn stop(&self) {
         self.inner.stop.cancel();
         self.inner.tasks.close();
         self.inner.tasks.wait().await;
     }
 
-    /// The public half of what documents are signed with.
+    /// Public half of the key that signs documents.
     pub fn public_key(&self) -> PublicKey {
         self.inner.key.public_key()
     }
 
-    /// A robot's records; those of a robot for which nothing was proposed when there are none.
+    /// Records of a robot; empty ones for a robot without any.
     pub fn ledger(&self, robot: &RobotId) -> Arc<RobotLedger> {
         let locks = self
             .inner
@@ -171,7 +171,7 @@ impl Lifecycle {
         )
     }
 
-    /// Whether any robot was ever given a signed document.
+    /// True if a signed document was ever made for any robot.
     pub fn has_given_out(&self) -> bool {
         let locks = self
             .inner
@@ -185,7 +185,7 @@ impl Lifecycle {
         locks.values().any(signed)
     }
 
-    /// The deployment freeze.
+    /// Present deployment freeze.
     pub fn deployment_freeze(&self) -> DeploymentFreeze {
         let freeze = self
             .inner
@@ -195,7 +195,7 @@ impl Lifecycle {
         freeze.clone()
     }
 
-    /// Robots' answers that were not stored, by reason.
+    /// Counts of robots' answers that were not stored, by reason.
     pub fn answer_counters(&self) -> [(&'static str, u64); 3] {
         let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
         [
@@ -205,10 +205,10 @@ impl Lifecycle {
         ]
     }
 
-    /// Takes a command on a robot's records; it is committed when this returns.
+    /// Applies a command to a robot's records; it is committed when this returns.
     ///
     /// # Errors
-    /// [`StoreError::Refused`] when it does not fit them, or the database's failure; nothing has
+    /// [`StoreError::Refused`] if it does not fit them, or the database's failure; nothing has
     /// changed then.
     pub async fn decide(
         &self,
@@ -222,8 +222,8 @@ impl Lifecycle {
             .await
     }
 
-    /// Does something to its end, even if whoever asked for it goes away meanwhile: what is
-    /// committed has to be known here and sent.
+    /// Completes an operation even if its caller goes away meanwhile: committed changes must be
+    /// stored here and sent.
     async fn see_through<T: Send + 'static>(
         &self,
         work: impl Future<Output = Result<T, StoreError>> + Send + 'static,
@@ -276,7 +276,7 @@ impl Lifecycle {
         Ok(decided)
     }
 
-    /// What a robot's estimator says at this moment.
+    /// Present estimate of a robot.
     pub fn present(&self, robot: &RobotId) -> Present {
         let Some(view) = self.inner.fleet.robot(robot) else {
             return Present::Unknown;
@@ -300,7 +300,7 @@ impl Lifecycle {
     /// Begins or ends the deployment freeze.
     ///
     /// # Errors
-    /// [`StoreError::Refused`] when it changed since it was looked at, or the database's failure.
+    /// [`StoreError::Refused`] if it changed since it was read, or the database's failure.
     pub async fn freeze(
         &self,
         frozen: bool,
@@ -360,7 +360,7 @@ impl Lifecycle {
         Arc::clone(locks.entry(robot.clone()).or_insert_with(new))
     }
 
-    /// Tells the robot's task what the robot compensates with, and what is to be verified.
+    /// Passes the calibration in use, and the values to verify, to the robot's task.
     fn tell_fleet(&self, ledger: &RobotLedger) {
         let shadow = &ledger.shadow;
         let used = [&shadow.before, &shadow.in_use];

@@ -15,18 +15,18 @@ use fleetcal_store::StoreError;
 
 use super::Lifecycle;
 
-/// Something for a robot, ready to be put on the wire.
+/// Message for a robot, ready to be sent.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OutboxMessage {
-    /// The approved document.
+    /// Approved document.
     Approved(Box<Offered>),
-    /// That its answer is stored.
+    /// Confirmation that the robot's answer is stored.
     Confirmed(Confirmed),
 }
 
 impl Lifecycle {
-    /// The document that a robot should hold, with the word, in answer to its question, that it should
-    /// hold it now. One that nobody has seen yet counts as offered before it is given out.
+    /// Document that a robot should use, with an offer that answers the robot's question. A
+    /// document that was not offered yet is recorded as offered before it is sent.
     ///
     /// # Errors
     /// The database's failure.
@@ -51,8 +51,8 @@ impl Lifecycle {
         Ok(envelope.map(|envelope| self.offered(robot, generation, envelope, question)))
     }
 
-    /// Signs that a document is wanted. The end is counted from now with each answer, so a robot that
-    /// was away for weeks finds one that holds.
+    /// Signs an offer of a document. Its validity begins with each answer, so that a robot that was
+    /// away for weeks gets a valid one.
     fn offered(
         &self,
         robot: &RobotId,
@@ -81,7 +81,7 @@ impl Lifecycle {
             .ok()
     }
 
-    /// The same for somebody else, to whom nothing is offered by looking.
+    /// Document that a robot should use, for other callers: reading it makes no offer.
     ///
     /// # Errors
     /// The database's failure.
@@ -93,7 +93,7 @@ impl Lifecycle {
         self.inner.store.envelope(robot, desired.generation).await
     }
 
-    /// What a robot that asks is told of its latest stored answer.
+    /// Confirmation of a robot's latest stored answer, for a robot that requests it.
     ///
     /// # Errors
     /// The database's failure.
@@ -102,7 +102,7 @@ impl Lifecycle {
         Ok(self.confirmed(robot))
     }
 
-    /// The same by what this process knows.
+    /// Confirmation of a robot's latest answer by the records of this process.
     pub fn confirmed(&self, robot: &RobotId) -> Option<Confirmed> {
         let ledger = self.ledger(robot);
         let reported = ledger.shadow.reported.as_ref()?;
@@ -120,12 +120,12 @@ impl Lifecycle {
         })
     }
 
-    /// Returns when something is to be sent.
+    /// Waits until a message is to be sent.
     pub async fn post_comes(&self) {
         self.inner.outbox.notified().await;
     }
 
-    /// What waits to be sent; what the deployment freeze holds stays where it is.
+    /// Messages to be sent, including those that the deployment freeze holds.
     ///
     /// # Errors
     /// The database's failure.
@@ -133,7 +133,9 @@ impl Lifecycle {
         self.inner.store.outbox().await
     }
 
-    /// Makes a entry ready. `None` when it is held, or when something newer has taken its place.
+    /// Prepares a message for an entry of the outbox. `None` if the deployment freeze holds it, or
+    /// a newer one has replaced it. `None` when it is held, or when something newer has taken its
+    /// place.
     ///
     /// # Errors
     /// The database's failure.
@@ -171,7 +173,7 @@ impl Lifecycle {
         }
     }
 
-    /// Notes that a entry was put on the wire.
+    /// Records that an entry was sent.
     ///
     /// # Errors
     /// The database's failure.
@@ -184,8 +186,9 @@ impl Lifecycle {
         decided.map(|_| ())
     }
 
-    /// Counts a document as offered; says whether the robot may see it. The deployment freeze is read
-    /// again in the transaction, since it may have come after the look that led here.
+    /// Records a document as offered; returns true if the robot may receive it. The deployment
+    /// freeze is read again in the transaction, since it may have begun after the check that led
+    /// here.
     async fn offer(
         &self,
         robot: &RobotId,
@@ -206,7 +209,7 @@ impl Lifecycle {
         }
     }
 
-    /// The generation that a robot gets to see.
+    /// Generation that a robot may receive.
     fn shown(&self, ledger: &RobotLedger) -> Option<Generation> {
         let desired = if self.is_held(ledger) {
             let live = ledger.live.as_ref();
@@ -217,7 +220,7 @@ impl Lifecycle {
         desired.map(|desired| desired.generation)
     }
 
-    /// Whether the deployment freeze keeps a robot's deployment back. The way back is never kept.
+    /// True if the deployment freeze holds a robot's deployment. A roll-back is never held.
     fn is_held(&self, ledger: &RobotLedger) -> bool {
         let keeps = |live: &Deployment| {
             live.proposal.is_some()

@@ -1,4 +1,4 @@
-//! The rules that the lifecycle goes by: what the configuration file says, or what was set since.
+//! Policy in force: the configuration file's, or the one that was set since.
 
 use std::sync::{Arc, PoisonError, RwLock};
 
@@ -12,18 +12,18 @@ use fleetcal_store::{AuditEntry, Job, Records, StoreError, StoredPolicy};
 
 use super::Lifecycle;
 
-/// A change of the policy.
+/// Change of the policy.
 #[derive(Debug, Clone)]
 pub struct SetPolicy {
-    /// The new one; `None` to go back to what the configuration file says.
+    /// New policy; `None` to restore the configuration file's.
     pub policy: Option<Policy>,
-    /// The version that was looked at.
+    /// Version that the person read.
     pub version: Version,
-    /// Who.
+    /// Actor of the change.
     pub actor: Actor,
-    /// When, wall time.
+    /// Time of the change, wall time.
     pub now: WallTime,
-    /// Why.
+    /// Reason for the change.
     pub reason: String,
 }
 
@@ -57,10 +57,10 @@ impl Job for SetPolicy {
     }
 }
 
-/// The rules in force, and where they come from.
+/// Policies of the configuration file and of the store.
 #[derive(Debug)]
 pub(super) struct Rules {
-    /// What the configuration file says.
+    /// Policy of the configuration file.
     given: Arc<Policy>,
     stored: RwLock<StoredPolicy>,
 }
@@ -73,7 +73,7 @@ impl Rules {
         }
     }
 
-    /// Takes what is stored, unless something newer is known; whether it was news.
+    /// Replaces the stored policy, unless the known one is newer; returns true if it did.
     pub(super) fn take(&self, stored: StoredPolicy) -> bool {
         let known = self.stored.write();
         let mut known = known.unwrap_or_else(PoisonError::into_inner);
@@ -91,7 +91,7 @@ impl Rules {
 }
 
 impl Lifecycle {
-    /// The rules in force.
+    /// Policy in force.
     pub fn policy(&self) -> Arc<Policy> {
         let rules = &self.inner.rules;
         let stored = rules.stored.read().unwrap_or_else(PoisonError::into_inner);
@@ -100,22 +100,21 @@ impl Lifecycle {
             .map_or_else(|| Arc::clone(&rules.given), Arc::new)
     }
 
-    /// What the configuration file says, whatever was set since.
+    /// Policy of the configuration file, even if another one was set since.
     pub(super) fn given_policy(&self) -> Arc<Policy> {
         Arc::clone(&self.inner.rules.given)
     }
 
-    /// What was set over the API, and by whom.
+    /// Policy that was set over the API, and its last change.
     pub fn stored_policy(&self) -> StoredPolicy {
         self.inner.rules.stored()
     }
 
-    /// Sets the rules, or with `None` goes back to those of the configuration file. What is decided
-    /// from now on goes by them.
+    /// Sets the policy, or with `None` restores the configuration file's. It applies to decisions
+    /// from now on.
     ///
     /// # Errors
-    /// [`StoreError::Refused`] when they changed since they were looked at, or the database's
-    /// failure.
+    /// [`StoreError::Refused`] if it changed since it was read, or the database's failure.
     pub async fn change_policy(
         &self,
         policy: Option<Policy>,

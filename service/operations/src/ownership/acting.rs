@@ -16,18 +16,18 @@ use tokio::time::MissedTickBehavior;
 
 use super::Ownership;
 
-/// What is remembered between two looks.
+/// Memory between two looks at the rows.
 #[derive(Debug, Default)]
 struct Memory {
     version: Option<RowsVersion>,
     rows: Snapshot,
     silence: Silence,
     listening: Listening,
-    /// Whether the last look failed.
+    /// True if the last look failed.
     failing: bool,
 }
 
-/// Looks and acts until the cluster is left.
+/// Looks at the rows and acts until the cluster is left.
 pub(super) async fn attend(ownership: Ownership) {
     let mut ticks = tokio::time::interval(limits::CLUSTER_LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -48,7 +48,7 @@ pub(super) async fn attend(ownership: Ownership) {
     }
 }
 
-/// Returns when this instance has no robot any more, or there is nobody to give them to.
+/// Waits until this instance has no robot any more, or no other instance can have its robots.
 pub(super) async fn until_nothing_is_left(ownership: &Ownership) {
     let cluster = &ownership.inner.cluster;
     loop {
@@ -101,7 +101,7 @@ impl Ownership {
         Ok(snapshot)
     }
 
-    /// Ends the lives of those that are gone.
+    /// Declares instances dead whose lease or connection has ended.
     async fn take_for_dead(
         &self,
         seat: &Seat,
@@ -129,14 +129,15 @@ impl Ownership {
             let of_ended = |row: &&fleetcal_cluster::Ownership| row.owner.as_ref() == Some(&ended);
             let robots = snapshot.robots.values().filter(of_ended).count();
             let from = ended.instance.clone();
-            tracing::warn!(instance = %from.as_str(), robots, "an instance was taken for dead");
+            tracing::warn!(instance = %from.as_str(), robots, "an instance was declared dead");
             let at = setup.clock.now();
             self.inner.cluster.took_over(Takeover { from, at, robots });
         }
         Ok(())
     }
 
-    /// Instances that have a lease, and no liveliness token or no heartbeats, as far as this one can see.
+    /// Instances that have a lease, and no liveliness token or no heartbeats, by this instance's
+    /// link.
     fn gone<'a>(
         &self,
         others: impl Iterator<Item = &'a Member>,
@@ -163,7 +164,7 @@ impl Ownership {
         absent.into_iter().chain(silent).collect()
     }
 
-    /// Takes on what the rows say is this instance's, and drops what is not.
+    /// Begins the tenures that this instance has by the rows, and drops those that it has not.
     async fn follow(
         &self,
         seat: &Seat,
@@ -221,7 +222,8 @@ impl Ownership {
         self.adopt(begun).await
     }
 
-    /// Ends the estimators of robots that are others' by now; nothing of them is stored.
+    /// Stops the estimators of robots that other instances have by now; none of their states are
+    /// stored.
     async fn drop_robots(&self, robots: &[&RobotId]) {
         let setup = &self.inner.setup;
         for robot in robots {
@@ -248,7 +250,7 @@ impl Ownership {
         self.give_up(seat, plan.give_up).await
     }
 
-    /// Claims robots that nobody has.
+    /// Claims robots without an owner.
     async fn claim(&self, seat: &Seat, robots: Vec<RobotId>) -> Result<(), StoreError> {
         if robots.is_empty() {
             return Ok(());
@@ -259,7 +261,7 @@ impl Ownership {
         self.adopt(tenures).await
     }
 
-    /// Begins tenures: each robot's estimator goes on from its stored state.
+    /// Begins tenures: each robot's estimator continues from its stored state.
     async fn adopt(&self, tenures: Vec<Tenure>) -> Result<(), StoreError> {
         if tenures.is_empty() {
             return Ok(());
@@ -281,11 +283,11 @@ impl Ownership {
             setup.lifecycle.tell_fleet_again(&tenure.robot);
         }
         setup.store.adopted(&robots);
-        tracing::info!(robots = robots.len(), "robots taken on");
+        tracing::info!(robots = robots.len(), "robots taken over");
         Ok(())
     }
 
-    /// Hears robots that it is to have next, and says so.
+    /// Subscribes to robots whose heir this instance is, and confirms that they are received.
     async fn prepare(&self, seat: &Seat, robots: &[RobotId]) -> Result<(), StoreError> {
         if robots.is_empty() {
             return Ok(());
@@ -296,7 +298,7 @@ impl Ownership {
             let subscribed = setup.fleet.subscribed(robot);
             let in_time = tokio::time::timeout(limits::CLUSTER_SUBSCRIBED_WITHIN, subscribed);
             if in_time.await.is_err() {
-                tracing::warn!(robot.id = %robot, "not subscribed to in time, and tried again");
+                tracing::warn!(robot.id = %robot, "subscribing took too long, and is tried again");
                 return Ok(());
             }
         }
@@ -318,8 +320,8 @@ impl Ownership {
         self.inner.registry.name_heirs(seat, &heirs).await
     }
 
-    /// Ends tenures and passes them on. What fails on the way is this instance's still by the rows,
-    /// and is taken on again by the next look.
+    /// Ends tenures and passes them on. A robot whose hand-over fails is still this instance's by
+    /// the rows, and the next look begins its tenure again.
     async fn hand_over(&self, seat: &Seat, moves: Vec<Handover>) -> Result<(), StoreError> {
         if moves.is_empty() {
             return Ok(());
@@ -342,12 +344,12 @@ impl Ownership {
         self.end(&robots).await?;
         tracing::warn!(
             robots = robots.len(),
-            "robots given up: no router is reached, or the clock is too far from the database's"
+            "robots released: no router is connected, or the clock is too far off the database's"
         );
         self.inner.registry.free(seat, &robots).await
     }
 
-    /// Ends the estimators of robots and stores their states.
+    /// Stops the estimators of robots and stores their states.
     async fn end(&self, robots: &[RobotId]) -> Result<(), StoreError> {
         let setup = &self.inner.setup;
         for robot in robots {
@@ -361,14 +363,14 @@ impl Ownership {
         flushed
     }
 
-    /// Drops everything: the rows are others' by now.
+    /// Drops all tenures: other instances have the robots by now.
     async fn lose(&self, memory: &mut Memory) {
         memory.version = None;
         let had = self.inner.cluster.lost();
         self.note_connected(None);
         tracing::warn!(
             robots = had.len(),
-            "this instance was taken for dead, and joins again"
+            "this instance was declared dead, and joins again"
         );
         self.drop_robots(&had.keys().collect::<Vec<_>>()).await;
     }
@@ -384,7 +386,7 @@ impl Ownership {
         self.inner.registry.leave(&seat).await
     }
 
-    /// A name for a tenure.
+    /// Random claim of a tenure.
     fn draw(&self) -> Result<ClaimId, StoreError> {
         let drawn = (self.inner.setup.draw)();
         drawn.map(ClaimId).map_err(|error| StoreError::Server {

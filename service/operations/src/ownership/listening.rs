@@ -1,4 +1,4 @@
-//! Listening on Zenoh: whom the instance hears, for the other instances to know.
+//! Subscriptions on Zenoh, and the report of received instances and robots for the other instances.
 
 use std::collections::BTreeSet;
 
@@ -7,8 +7,8 @@ use fleetcal_cluster::{InstanceId, Listening, Seat, Snapshot};
 use super::Ownership;
 
 impl Ownership {
-    /// Looks whom it hears, listens to the robots of instances that it does not hear, and says so in its
-    /// row.
+    /// Determines which instances and robots it receives, subscribes to the robots of instances
+    /// that it does not receive, and reports both in its row.
     pub(super) fn listen(&self, seat: &Seat, snapshot: &Snapshot, listening: &mut Listening) {
         let setup = &self.inner.setup;
         let (now, fleet) = (setup.clock.uptime(), &setup.fleet);
@@ -32,12 +32,12 @@ impl Ownership {
 fn note_unheard(unheard: &BTreeSet<InstanceId>) {
     let names: Vec<_> = unheard.iter().map(InstanceId::as_str).collect();
     if names.is_empty() {
-        tracing::info!("all other instances are heard over Zenoh again");
+        tracing::info!("all other instances are received over Zenoh again");
         return;
     }
     let instances = names.join(", ");
     tracing::warn!(
         instances,
-        "other instances are not heard over Zenoh: robots go to who hears them"
+        "other instances are not received over Zenoh: robots go to one that receives them"
     );
 }

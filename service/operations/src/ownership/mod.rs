@@ -1,8 +1,7 @@
-//! Keeps this process's place in the cluster: renews its lease, looks at the rows, and takes on,
-//! hands over and gives up robots as [`fleetcal_cluster::plan`] says.
+//! Ownership of robots by this process in the cluster: it renews the lease, looks at the rows, and
+//! claims, hands over and releases robots as [`fleetcal_cluster::plan`] states.
 //!
-//! Two tasks: one renews, so that nothing that takes long ever keeps the lease waiting, and one
-//! looks and acts.
+//! Two tasks: one renews, so that no long operation delays the lease, and one looks and acts.
 
 mod acting;
 mod listening;
@@ -26,61 +25,61 @@ use crate::Boxed;
 use crate::entropy::NoEntropy;
 use crate::lifecycle::Lifecycle;
 
-/// What ownership is kept with.
+/// Parts that the ownership uses.
 #[derive(Debug)]
 pub struct OwnershipSetup {
-    /// Where robots' states are.
+    /// Store of the robots' states.
     pub store: Store,
-    /// The robots.
+    /// Robots of the fleet.
     pub fleet: FleetHandle,
-    /// Their records.
+    /// Records of the robots.
     pub lifecycle: Lifecycle,
-    /// What every part of the process asks.
+    /// Membership that every part of the process reads.
     pub membership: Membership,
-    /// Where time comes from.
+    /// Clock of the service.
     pub clock: SharedClock,
-    /// What this instance says of itself; `None` of a process that is alone.
+    /// Properties of this instance; `None` for a process that is alone.
     pub joining: Option<Joining>,
-    /// What the link says.
+    /// Reports of the link.
     pub link: watch::Receiver<LinkReport>,
-    /// Whether an instance is taken for dead before its lease ends, when its connection to the
-    /// database is gone and nothing is heard of it on Zenoh.
+    /// True if an instance is declared dead before its lease ends, when its connection to the
+    /// database is gone and it is not received on Zenoh.
     pub fast_takeover: bool,
-    /// Where chance comes from: names of tenures.
+    /// Random numbers for claims of tenures.
     pub draw: fn() -> Result<i64, NoEntropy>,
 }
 
 #[derive(Debug)]
 struct Inner {
     setup: OwnershipSetup,
-    /// The rows.
+    /// Rows of the cluster.
     registry: Arc<dyn ClusterRegistry>,
     joining: Joining,
     cluster: Arc<Cluster>,
-    /// Since when renewals have worked, running time.
+    /// Begin of the time in which renewals have succeeded, running time.
     connected_since: std::sync::Mutex<Option<Duration>>,
-    /// By how much its wall clock was ahead of the database's last, ns.
+    /// Lead of its wall clock over the database's at the last renewal, ns.
     clock_ahead_ns: AtomicI64,
     draining: watch::Sender<bool>,
-    /// Instances and robots that it hears, for its row.
+    /// Instances and robots that it receives, for its row.
     hearing: watch::Sender<Hearing>,
-    /// A renewal was refused: look at once.
+    /// Signal that a renewal was refused, and a look is due at once.
     seat_lost: Notify,
     stop: CancellationToken,
     tasks: TaskTracker,
 }
 
-/// This process's place in the cluster, cheap to clone.
+/// Ownership of robots by this process in the cluster, cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Ownership {
     inner: Arc<Inner>,
 }
 
 impl Ownership {
-    /// Joins the cluster and goes to work.
+    /// Joins the cluster and begins to work.
     ///
     /// # Errors
-    /// [`StoreError::Server`] when another process uses the name or the cluster signs with another
+    /// [`StoreError::Server`] if another process uses the name or the cluster signs with another
     /// key; otherwise the database's failure.
     pub fn start(setup: OwnershipSetup) -> Boxed<Result<Option<Self>, StoreError>> {
         Box::pin(async move {
@@ -114,7 +113,7 @@ impl Ownership {
         })
     }
 
-    /// Gives its robots to the others, as far as they take them in time, and leaves.
+    /// Hands its robots over to the others, if these claim them in time, and leaves.
     pub async fn leave(&self) {
         self.inner.draining.send_replace(true);
         let all_given = acting::until_nothing_is_left(self);
@@ -128,7 +127,7 @@ impl Ownership {
         self.inner.tasks.close();
         self.inner.tasks.wait().await;
         if let Err(error) = self.give_up_everything().await {
-            tracing::warn!(%error, "the cluster was not left in order: it waits for the lease's end");
+            tracing::warn!(%error, "the instance did not leave the cluster: its lease has to end");
         }
     }
 
@@ -144,7 +143,7 @@ impl Ownership {
         Ok(())
     }
 
-    /// Notes whether renewals work.
+    /// Records whether renewals succeed.
     fn note_connected(&self, at: Option<Duration>) {
         let since = self.inner.connected_since.lock();
         let mut since = since.unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -156,7 +155,8 @@ impl Ownership {
         }
     }
 
-    /// Whether renewals have worked for so long that others' silence is theirs.
+    /// True if renewals have succeeded for so long that the others' silence is not this instance's
+    /// own failure.
     fn may_judge_others(&self) -> bool {
         let since = self.inner.connected_since.lock();
         let since = *since.unwrap_or_else(std::sync::PoisonError::into_inner);

@@ -1,4 +1,4 @@
-//! The lease.
+//! Renewal of the lease.
 
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -81,8 +81,8 @@ impl Ownership {
     }
 }
 
-/// How far a wall clock is ahead of the database's at least, ns: the database's time is of some moment
-/// between the question and the answer, which a slow line makes two.
+/// Least lead of a wall clock over the database's, ns: the database's time is of some moment
+/// between request and answer, which are far apart on a slow connection.
 fn least_ahead_ns(asked: WallTime, database: WallTime, answered: WallTime) -> i64 {
     let (least, most) = (asked.ns_since(database), answered.ns_since(database));
     if least > most {

@@ -1,4 +1,4 @@
-//! The addresses that other instances have, as names are resolved to them.
+//! Addresses of the other instances, resolved from their names.
 
 use std::collections::BTreeSet;
 use std::net::IpAddr;
@@ -10,7 +10,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::url::PeerUrl;
 
-/// The addresses of these instances, looked up now and again until `stop`.
+/// Addresses of these instances, resolved periodically until `stop`.
 pub(super) fn followed(
     urls: Vec<PeerUrl>,
     stop: CancellationToken,
@@ -44,12 +44,12 @@ pub(super) fn followed(
     followed
 }
 
-/// Looks up where an instance is; what was known stays when nobody can say.
+/// Resolves the address of an instance; the known one stays if that fails.
 async fn look_up(url: &PeerUrl, addresses: &mut BTreeSet<IpAddr>) {
     match tokio::net::lookup_host(url.host_and_port()).await {
         Ok(found) => {
             *addresses = found.map(|address| address.ip().to_canonical()).collect();
         }
-        Err(error) => tracing::warn!(%url, %error, "where an instance is could not be looked up"),
+        Err(error) => tracing::warn!(%url, %error, "an instance's address was not resolved"),
     }
 }

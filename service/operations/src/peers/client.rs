@@ -1,4 +1,4 @@
-//! One request to another instance.
+//! Request to another instance.
 
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ use super::url::PeerUrl;
 use super::{ForwardError, Forwarded, PeersError};
 use crate::cause::whole;
 
-/// Of a caller's header, what the answer depends on.
+/// Headers of a caller's request that the answer depends on.
 const ASKED: [HeaderName; 6] = [
     header::AUTHORIZATION,
     header::COOKIE,
@@ -34,7 +34,7 @@ const ASKED: [HeaderName; 6] = [
     HeaderName::from_static("x-request-id"),
 ];
 
-/// Of an answer's header, what describes its body and its refusal.
+/// Headers of an answer that describe its body and its refusal.
 const ANSWERED: [HeaderName; 9] = [
     header::CONTENT_TYPE,
     header::CONTENT_ENCODING,
@@ -47,21 +47,21 @@ const ANSWERED: [HeaderName; 9] = [
     header::WWW_AUTHENTICATE,
 ];
 
-/// A peer that is silent for so long is probed by TCP, three times, before its connection is given up.
+/// Silence of a peer after which TCP probes it, three times, before its connection is closed.
 const PROBED_AFTER: Duration = Duration::from_secs(5);
-/// A connection that is kept for further requests is closed after this.
+/// Idle time after which a kept connection is closed.
 const KEPT_IDLE: Duration = Duration::from_secs(8);
 
-/// Whom a peer's certificate has to come from.
+/// Trust in a peer's certificate.
 #[derive(Debug)]
 pub(super) struct Trust {
-    /// Certificates of authorities; those of the machine without it.
+    /// Certificates of authorities; the machine's unless given.
     pub(super) root_certificates: Option<PathBuf>,
-    /// Whether peers may be asked without encryption.
+    /// True if requests to peers may be sent without encryption.
     pub(super) plaintext: bool,
 }
 
-/// What requests are made with. No redirection is followed, and no proxy is asked.
+/// HTTP client, which follows no redirection and uses no proxy.
 #[derive(Debug)]
 pub(super) struct HttpClient(Client<HttpsConnector<HttpConnector>, Empty<Bytes>>);
 
@@ -93,7 +93,7 @@ impl HttpClient {
         Ok(Self(client))
     }
 
-    /// Sends a request for the instance `own`; gives the answer, whose body is not read.
+    /// Sends a request for the instance `own`; returns the answer, whose body is not read.
     pub(super) async fn send(
         &self,
         to: &PeerUrl,
@@ -119,7 +119,7 @@ impl HttpClient {
     }
 }
 
-/// An address in a header.
+/// Text of an address for a header.
 fn written(address: IpAddr) -> String {
     address.to_canonical().to_string()
 }
@@ -143,14 +143,14 @@ fn tls(trust: &Trust) -> Result<ClientConfig, PeersError> {
     Ok(config.with_root_certificates(roots).with_no_client_auth())
 }
 
-/// The authorities that this machine trusts.
+/// Authorities that this machine trusts.
 fn roots_of_machine() -> RootCertStore {
     let mut roots = RootCertStore::empty();
     roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
     roots
 }
 
-/// The authorities in a file.
+/// Authorities in a file.
 fn roots_of(path: &Path) -> Result<RootCertStore, PeersError> {
     let refused = |reason: String| PeersError::Certificates {
         path: path.to_owned(),

@@ -1,8 +1,8 @@
-//! The other instances of a cluster, and what one asks of another for its own caller.
+//! Peers: the other instances of a cluster, and requests that one forwards to another.
 //!
-//! Only those that are configured are ever asked, under the addresses of the configuration: what
-//! stands in the database says which instance it is, not where. A request goes one hop, with the
-//! caller's own credential, so the other instance decides whether it is permitted.
+//! Requests go only to configured instances, at their configured addresses: the rows of the
+//! database state which instance to use, and not its address. A request is forwarded once, with the
+//! caller's own credential, so that the other instance checks the permission.
 
 mod addresses;
 mod client;
@@ -28,92 +28,92 @@ pub use url::PeerUrl;
 
 use client::{HttpClient, Trust};
 
-/// What an instance is told of itself and the others: `[cluster]` of `fleetcal.toml`.
+/// Configuration of this instance and the others: `[cluster]` of `fleetcal.toml`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PeersSetup {
-    /// The name of this instance.
+    /// Name of this instance.
     pub instance: ServiceInstance,
-    /// Where others reach it.
+    /// Address of this instance for the others.
     pub url: PeerUrl,
-    /// Where it reaches the others, by their names. Its own name may be among them.
+    /// Addresses of the others, by their names. Its own name may be among them.
     pub urls: BTreeMap<ServiceInstance, PeerUrl>,
-    /// Certificates (PEM) of the authorities that others' certificates come from; those that the
-    /// machine trusts without it.
+    /// Certificates (PEM) of the authorities of the others' certificates; the machine's unless
+    /// given.
     pub root_certificates: Option<PathBuf>,
-    /// Whether others may be asked without encryption.
+    /// True if requests to the others may be sent without encryption.
     pub plaintext: bool,
 }
 
-/// Why the other instances cannot be asked.
+/// Reason for which the other instances cannot be used.
 #[derive(Debug, Error)]
 pub enum PeersError {
-    /// An address without encryption, and nobody has said that this is wanted.
+    /// Address without encryption that was not permitted.
     #[error(
         "cluster.peers.{name}: got {url}, expected https://…; `plaintext_peers = true` permits \
          http:// on a network that nobody else reaches: callers' credentials pass over it"
     )]
     Plaintext {
-        /// Of which instance.
+        /// Name of the instance.
         name: String,
-        /// Its address.
+        /// Address of the instance.
         url: String,
     },
-    /// An address that is none.
+    /// Malformed address.
     #[error("cluster.peers: {0}")]
     Url(String),
-    /// Too many of them.
+    /// Too many instances.
     #[error(
         "cluster.peers: got {count} instances, expected {} at most",
         limits::PEERS_MAX
     )]
     TooMany {
-        /// How many there are.
+        /// Number of instances.
         count: usize,
     },
-    /// The certificates cannot be used.
+    /// Certificates that cannot be used.
     #[error("cluster.peer_root_certificates: {path}: {reason}")]
     Certificates {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Problem of the file.
         reason: String,
     },
-    /// This machine has no TLS.
+    /// TLS unavailable on this machine.
     #[error("TLS cannot be used: {0}")]
     Tls(#[from] rustls::Error),
 }
 
-/// Why another instance gave no answer.
+/// Reason for which another instance gave no answer.
 #[derive(Debug, Error)]
 pub enum ForwardError {
-    /// It is not among the configured ones.
+    /// Instance that is not configured.
     #[error("instance {0} is not among cluster.peers of this instance")]
     Unknown(String),
-    /// The request cannot be made.
+    /// Request that cannot be made.
     #[error("the request cannot be made: {0}")]
     Request(#[from] hyper::http::Error),
-    /// It cannot be reached, shows a certificate that is not trusted, or does not speak HTTP.
+    /// Instance that cannot be reached, has an untrusted certificate, or does not use HTTP.
     #[error("{0}")]
     Exchange(String),
-    /// It took too long.
+    /// Timeout.
     #[error("no answer within {} s", limits::PEER_ANSWER_TIMEOUT.as_secs())]
     Timeout,
 }
 
-/// A request that another instance should answer.
+/// Request for another instance.
 #[derive(Debug)]
 pub struct Forwarded<'a> {
-    /// Its method.
+    /// Method of the request.
     pub method: &'a Method,
     /// Path and query.
     pub target: &'a str,
-    /// Its header, of which only what the answer depends on is passed on.
+    /// Headers, of which only those that the answer depends on are forwarded.
     pub headers: &'a HeaderMap,
-    /// Where the caller is.
+    /// Address of the caller.
     pub client: Option<IpAddr>,
 }
 
-/// The other instances; of a service that is alone, none. Cheap to clone.
+/// Other instances of the cluster; empty for a single service. Cheap to clone.
 #[derive(Debug, Clone, Default)]
 pub struct Peers {
     inner: Option<Arc<Inner>>,
@@ -129,7 +129,7 @@ struct Inner {
 }
 
 impl PeersSetup {
-    /// Whether all of them may be asked.
+    /// Checks that requests to all of them are permitted.
     ///
     /// # Errors
     /// [`PeersError::Plaintext`], [`PeersError::TooMany`].
@@ -150,7 +150,7 @@ impl PeersSetup {
 }
 
 impl Peers {
-    /// Takes who they are, and looks up their addresses until `stop`.
+    /// Sets the instances, and resolves their addresses until `stop`.
     ///
     /// # Errors
     /// [`PeersError`].
@@ -176,18 +176,18 @@ impl Peers {
         })
     }
 
-    /// Host and port under which others ask this instance; `None` of a service that is alone.
+    /// Host, and port if any, that others use for this instance; `None` for a single service.
     pub fn own_authority(&self) -> Option<&str> {
         Some(self.inner.as_ref()?.url.authority())
     }
 
-    /// The addresses of the others as they are known now; `None` of a service that is alone.
+    /// Present addresses of the others; `None` for a single service.
     pub fn addresses(&self) -> Option<watch::Receiver<BTreeSet<IpAddr>>> {
         Some(self.inner.as_ref()?.addresses.clone())
     }
 
-    /// Has another instance answer a request. Its answer begins when this returns; the body goes on
-    /// as long as the other instance sends.
+    /// Forwards a request to another instance. Its answer begins when this returns; the body
+    /// continues as long as the other instance sends.
     ///
     /// # Errors
     /// [`ForwardError`].

@@ -1,4 +1,4 @@
-//! One instance asks another over real sockets.
+//! Requests of one instance to another over real sockets.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ fn setup(url: &str, root_certificates: Option<PathBuf>) -> PeersSetup {
     }
 }
 
-/// Reads one request and answers it; gives the request.
+/// Reads one request and answers it; returns the request.
 async fn answer(mut socket: impl AsyncRead + AsyncWrite + Unpin) -> String {
     let mut request = Vec::new();
     while !request.ends_with(b"\r\n\r\n") {
@@ -149,7 +149,7 @@ async fn an_authority_that_cannot_be_read_is_refused() {
     }
 }
 
-/// An authority and a server's certificate of it for `localhost`, as PEM.
+/// Authority, and a server's certificate by it for `localhost`, as PEM.
 fn certificates() -> (String, TlsAcceptor) {
     let mut params = CertificateParams::new(Vec::new()).unwrap();
     params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
@@ -169,8 +169,8 @@ fn certificates() -> (String, TlsAcceptor) {
     (authority, TlsAcceptor::from(Arc::new(config)))
 }
 
-/// What comes of a request to an instance with a certificate of the first authority, when `trusted`
-/// is trusted.
+/// Result of a request to an instance with a certificate of the first authority, when `trusted` is
+/// trusted.
 async fn over_tls(trusted: &str, server: TlsAcceptor, host: &str) -> Result<u16, ForwardError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("ca.pem");

@@ -4,29 +4,29 @@ use std::fmt;
 
 use serde::Deserialize;
 
-/// Where an instance is reached: scheme, host and maybe port, such as `https://b.example.com:8443`.
+/// Address of an instance: scheme, host and port if any, such as `https://b.example.com:8443`.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct PeerUrl(String);
 
 impl PeerUrl {
-    /// The address, without a slash at its end.
+    /// Text of the address, without a slash at its end.
     pub fn as_str(&self) -> &str {
         &self.0
     }
 
-    /// Whether it is reached encrypted, and authenticated by its certificate.
+    /// True if the connection is encrypted, and authenticated by a certificate.
     pub fn is_https(&self) -> bool {
         self.0.starts_with("https://")
     }
 
-    /// Host and maybe port.
+    /// Host, and port if any.
     pub fn authority(&self) -> &str {
         let parts = self.0.split_once("://");
         parts.map_or("", |(_, authority)| authority)
     }
 
-    /// Host and port, that of the scheme unless another is named.
+    /// Host and port, by default the scheme's.
     pub(super) fn host_and_port(&self) -> (&str, u16) {
         let port = if self.is_https() { 443 } else { 80 };
         let authority = self.authority();
@@ -38,7 +38,7 @@ impl PeerUrl {
     }
 }
 
-/// The port of an authority; the colons of a literal IPv6 address are in brackets.
+/// Splits off the port of an authority; the colons of a literal IPv6 address are in brackets.
 fn split_port(authority: &str) -> Option<(&str, &str)> {
     let (host, port) = authority.rsplit_once(':')?;
     (!port.ends_with(']')).then_some((host, port))
@@ -48,7 +48,7 @@ fn is_of_name(c: char) -> bool {
     c.is_ascii_lowercase() || c.is_ascii_digit() || matches!(c, '.' | '-')
 }
 
-/// Whether host and port can be those of an address.
+/// True if a text is a valid host, with a port if any.
 fn is_authority(authority: &str) -> bool {
     let (host, port) = match split_port(authority) {
         Some((host, port)) => (host, Some(port)),

@@ -1,4 +1,4 @@
-//! A recording of a robot that drives now, handed on piece by piece as it is written.
+//! Live recording of a robot, delivered piece by piece while it is written.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -15,7 +15,8 @@ use tokio::time::timeout;
 
 use super::RecordingExport;
 
-/// What was written and not handed on yet. The writer of the recording fills it, [`record`] empties it.
+/// Spool of written bytes that were not delivered yet: the writer of the recording fills it, and
+/// [`record`] empties it.
 #[derive(Debug, Clone, Default)]
 struct Spool(Arc<Mutex<Vec<u8>>>);
 
@@ -42,12 +43,12 @@ impl Write for Spool {
     }
 }
 
-/// How long a recording waits for whoever fetches it.
+/// Time for which a recording waits for its client.
 #[derive(Debug, Clone, Copy)]
 pub struct Patience {
-    /// For one piece to be taken.
+    /// Time for one piece to be read.
     pub piece: Duration,
-    /// After the end, for all that is left.
+    /// Time after the end for the rest to be read.
     pub rest: Duration,
 }
 
@@ -60,48 +61,48 @@ impl Default for Patience {
     }
 }
 
-/// Why a recording was broken off. What was handed on of it lacks its end.
+/// Reason for which a recording ended early. The delivered part lacks its end.
 #[derive(Debug, Error)]
 pub enum LiveError {
-    /// Something cannot be written.
+    /// Data that cannot be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// Nobody takes it any more.
+    /// Client that does not read any more.
     #[error(
         "the client took nothing for {:.0} s; {left_out} messages had been left out",
         patience.as_secs_f64()
     )]
     Stalled {
-        /// How long it waited.
+        /// Time for which it waited.
         patience: Duration,
-        /// What had come too fast for the reader by then.
+        /// Number of messages that had arrived too fast for the client by then.
         left_out: u64,
     },
-    /// The end came, and the rest was taken too slowly.
+    /// Rest after the end that was read too slowly.
     #[error("the client did not take the rest within {:.0} s", .0.as_secs_f64())]
     RestNotTaken(Duration),
 }
 
-/// Whether the other side takes more.
+/// State of the client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Reader {
-    /// It does.
+    /// Client that reads.
     Takes,
-    /// It has gone.
+    /// Client that is gone.
     Gone,
 }
 
-/// The way of what was written to whoever fetches it.
+/// Delivery of written bytes to the client.
 struct Delivery {
     spool: Spool,
     pieces: mpsc::Sender<Vec<u8>>,
     patience: Duration,
-    /// What was handed on, bytes.
+    /// Delivered bytes.
     sent: u64,
 }
 
 impl Delivery {
-    /// Hands on what was written. To stop this loses nothing.
+    /// Delivers the written bytes. Cancelling it loses none.
     async fn hand_on(&mut self, tap: &TapReader) -> Result<Reader, LiveError> {
         if self.spool.is_empty() {
             return Ok(Reader::Takes);
@@ -121,20 +122,20 @@ impl Delivery {
         }
     }
 
-    /// Whether it is as long as it may be.
+    /// True if the recording has its largest size.
     fn is_full(&self) -> bool {
         self.sent > limits::RECORDING_BYTES_MAX
     }
 }
 
-/// A recording on its way to whoever fetches it.
+/// Recording and its delivery to the client.
 struct Recording {
     export: RecordingExport<Spool>,
     delivery: Delivery,
 }
 
 impl Recording {
-    /// Writes down what happened.
+    /// Writes an item of the tap.
     fn add(&mut self, item: Tapped) -> Result<(), RecordingError> {
         let export = &mut self.export;
         match item {
@@ -150,7 +151,8 @@ impl Recording {
         }
     }
 
-    /// Writes and hands on what happens, until `end`, or until it is full or nobody takes it.
+    /// Writes and delivers items, until `end`, or until the recording is full or the client is
+    /// gone.
     async fn follow(
         &mut self,
         tap: &mut TapReader,
@@ -177,7 +179,7 @@ impl Recording {
         Ok(Reader::Takes)
     }
 
-    /// Hands on what waits, which was before the end, and the end of the file.
+    /// Delivers the items that waited before the end, and the end of the file.
     async fn finish(mut self, mut tap: TapReader) -> Result<(), LiveError> {
         tap.close();
         while !self.delivery.is_full()
@@ -197,10 +199,10 @@ impl Recording {
 }
 
 /// Writes a recording of a robot into `pieces` until `end`, or until it is
-/// [`limits::RECORDING_BYTES_MAX`] long. Then the file is whole, unless the reader has gone.
+/// [`limits::RECORDING_BYTES_MAX`] long. Then the file is complete, unless the client is gone.
 ///
 /// # Errors
-/// When something cannot be written, or nobody takes it: the file then lacks its end.
+/// If an item cannot be written, or the client does not read: the file then lacks its end.
 pub async fn record(
     robot: RobotId,
     mut tap: TapReader,

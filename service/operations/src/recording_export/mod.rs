@@ -1,6 +1,6 @@
-//! A recording of a robot as MCAP for Foxglove: its streams, and beside them what was known when and what
-//! happened. `fleetcal calibrate --export` writes one of a recording, `GET /robots/{id}/recording` of
-//! a robot as it drives.
+//! Recording of a robot as MCAP for Foxglove: its streams, and beside them the estimates and events
+//! at their times. `fleetcal calibrate --export` writes one from a recording, and `GET
+//! /robots/{id}/recording` one from live data.
 
 pub mod live;
 
@@ -19,26 +19,26 @@ use std::path::Path;
 
 use fleetcal_model::Parameter;
 
-/// Frame of the path, where the robot began.
+/// Frame of the path, at the robot's first pose.
 const ODOM: &str = "odom";
-/// The rear axle.
+/// Frame of the rear axle.
 const BASE: &str = "base";
 /// Frame of a LiDAR whose messages name none.
 const LIDAR: &str = "lidar";
 
-/// A recording that is being written. Everything is logged at its stamp in message time.
+/// Recording that is being written. Everything is logged at its stamp in message time.
 #[derive(Debug)]
 pub struct RecordingExport<W: Write> {
     writer: RobotWriter<W>,
-    /// The LiDAR's frame, once a message has named it.
+    /// Frame of the LiDAR, once a message has named it.
     lidar_frame: Option<String>,
 }
 
 impl RecordingExport<BufWriter<File>> {
-    /// Makes the file.
+    /// Creates the file.
     ///
     /// # Errors
-    /// When it cannot be made.
+    /// If it cannot be created.
     pub fn create(path: &Path, robot: &RobotId) -> Result<Self, RecordingError> {
         Ok(Self::of(RobotWriter::create(path, robot.as_str())?))
     }
@@ -46,7 +46,7 @@ impl RecordingExport<BufWriter<File>> {
     /// Writes the end of the file.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If it cannot be written.
     pub fn finish_on_disk(self) -> Result<(), RecordingError> {
         self.writer.finish_on_disk()
     }
@@ -60,10 +60,10 @@ impl<W: Write> RecordingExport<W> {
         }
     }
 
-    /// Begins to write to `to`, which errors call `path`.
+    /// Begins to write to `to`; errors name it `path`.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If it cannot be written.
     pub fn begin(path: &Path, to: W, robot: &RobotId) -> Result<Self, RecordingError> {
         Ok(Self::of(RobotWriter::begin(path, to, robot.as_str())?))
     }
@@ -71,7 +71,7 @@ impl<W: Write> RecordingExport<W> {
     /// Adds a message of the robot.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If it cannot be written.
     pub fn message(
         &mut self,
         stamp: RobotTime,
@@ -84,18 +84,18 @@ impl<W: Write> RecordingExport<W> {
         self.writer.message(stamp.0, topic, payload)
     }
 
-    /// Adds where the rear axle was.
+    /// Adds a pose of the rear axle.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If it cannot be written.
     pub fn pose(&mut self, stamp: RobotTime, base_in_odom: &Pose2) -> Result<(), RecordingError> {
         self.writer.transform(stamp.0, ODOM, BASE, *base_in_odom)
     }
 
-    /// Adds what is known now, and where the LiDAR sits by it.
+    /// Adds an estimate, and the LiDAR's pose by it.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If it cannot be written.
     pub fn estimate(&mut self, document: &EstimateDocument) -> Result<(), RecordingError> {
         let stamp_ns = document.stamp_ns;
         let value = |name| document.parameters.get(name).value;
@@ -119,23 +119,23 @@ impl<W: Write> RecordingExport<W> {
     /// Adds a change or fault.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If it cannot be written.
     pub fn change(&mut self, change: &ChangeDocument) -> Result<(), RecordingError> {
         self.event(change.stamp_ns, &words::event(change))
     }
 
-    /// Adds what happened.
+    /// Adds an event.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If it cannot be written.
     pub fn event(&mut self, stamp_ns: RobotTime, words: &str) -> Result<(), RecordingError> {
         self.writer.event(stamp_ns.0, words)
     }
 
-    /// Says how much is missing.
+    /// Records the number of missing messages.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If it cannot be written.
     pub fn left_out(&mut self, messages: u64) -> Result<(), RecordingError> {
         self.writer.left_out(messages)
     }
@@ -143,13 +143,13 @@ impl<W: Write> RecordingExport<W> {
     /// Writes the end.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If it cannot be written.
     pub fn finish(self) -> Result<W, RecordingError> {
         self.writer.finish()
     }
 }
 
-/// The frame that a scan or cloud names, if it names one.
+/// Frame of a scan or cloud, if the message names one.
 fn frame(topic: &RecordingTopic, payload: &[u8]) -> Option<String> {
     let named = match (topic.encoding, topic.message_type) {
         (Encoding::Json, MessageType::LaserScan | MessageType::PointCloud2) => {

@@ -1,8 +1,8 @@
-//! Takes what is told to webhooks out of the outbox and sends it, one message of each receiver at
-//! a time, so that a slow one keeps nobody else waiting.
+//! Webhook dispatcher: it sends the messages of the outbox, one message of each receiver at a time,
+//! so that a slow receiver does not delay the others.
 //!
-//! What was sent is written down afterwards: a kill between the two sends the message again, with
-//! the same `webhook-id`.
+//! A sent message is recorded afterwards: after a kill between the two it is sent again, with the
+//! same `webhook-id`.
 
 pub(crate) mod outbox;
 mod post;
@@ -31,23 +31,23 @@ pub use write::{CreateWebhook, DeleteWebhook, NoteAttempt};
 use crate::entropy::NoEntropy;
 use post::Post;
 
-/// What a webhook dispatcher works with.
+/// Parts that a webhook dispatcher uses.
 #[derive(Debug)]
 pub struct WebhookDispatcherSetup {
-    /// Where the outbox is.
+    /// Store of the outbox.
     pub store: Store,
-    /// Where time comes from.
+    /// Clock of the service.
     pub clock: SharedClock,
-    /// Where chance comes from: a number from 0 to 1.
+    /// Random numbers from 0 to 1.
     pub jitter: fn() -> Result<f64, NoEntropy>,
-    /// Whether another instance may have this duty.
+    /// Membership in a cluster, in which another instance may have this duty.
     pub membership: Membership,
 }
 
-/// What a webhook dispatcher has done since it was started.
+/// Counters of a webhook dispatcher since it was started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct WebhookDispatcherCounters {
-    /// Messages that a receiver has taken.
+    /// Messages that a receiver has accepted.
     pub delivered: u64,
     /// Attempts that failed.
     pub failed_attempts: u64,
@@ -74,14 +74,14 @@ struct Inner {
     tasks: TaskTracker,
 }
 
-/// The webhook dispatcher, cheap to clone.
+/// Webhook dispatcher, cheap to clone.
 #[derive(Debug, Clone)]
 pub struct WebhookDispatcher {
     inner: Arc<Inner>,
 }
 
 impl WebhookDispatcher {
-    /// Begins to send what waits.
+    /// Begins to send the waiting messages.
     pub fn start(setup: WebhookDispatcherSetup) -> Self {
         let dispatcher = Self {
             inner: Arc::new(Inner {
@@ -99,7 +99,7 @@ impl WebhookDispatcher {
         dispatcher
     }
 
-    /// Ends the sending. An attempt that is under way is broken off, and made again after the next
+    /// Ends the sending. An attempt that is under way is aborted, and repeated after the next
     /// start.
     pub async fn stop(&self) {
         self.inner.stop.cancel();
@@ -107,7 +107,7 @@ impl WebhookDispatcher {
         self.inner.tasks.wait().await;
     }
 
-    /// What was done since the start.
+    /// Counters since the start.
     pub fn counters(&self) -> WebhookDispatcherCounters {
         let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
         let counts = &self.inner.counts;
@@ -131,7 +131,7 @@ impl WebhookDispatcher {
                         busy.remove(&webhook);
                     }
                     Err(error) => {
-                        tracing::error!(%error, "an attempt to tell a webhook failed");
+                        tracing::error!(%error, "an attempt at a delivery failed");
                         // Which one it was is not said; none is sent to twice meanwhile.
                         if under_way.is_empty() {
                             busy.clear();
@@ -149,7 +149,7 @@ impl WebhookDispatcher {
             let due = match self.inner.store.due_deliveries(now).await {
                 Ok(due) => due,
                 Err(error) => {
-                    tracing::error!(%error, "what is to be told could not be read");
+                    tracing::error!(%error, "the due deliveries could not be read");
                     continue;
                 }
             };
@@ -162,12 +162,12 @@ impl WebhookDispatcher {
         under_way.shutdown().await;
     }
 
-    /// Tries a delivery once; gives its webhook, whose turn is over.
+    /// Tries a delivery once; returns its webhook, whose turn is over.
     async fn deliver(self, due: DueDelivery) -> WebhookId {
         let webhook = due.delivery.webhook;
         let attempt = self.attempt(&due).await;
         if let Err(error) = self.write_down(&due, attempt).await {
-            tracing::error!(%error, "an attempt to tell a webhook was not written down");
+            tracing::error!(%error, "an attempt at a delivery was not stored");
             // Not at once again: the database is in trouble.
             tokio::time::sleep(limits::WEBHOOK_LOOK_EVERY).await;
         }
@@ -220,7 +220,7 @@ impl WebhookDispatcher {
         Ok(())
     }
 
-    /// A random number from 0 to 1; without chance, the middle.
+    /// Random number from 0 to 1; 0.5 if the generator fails.
     fn jitter(&self) -> f64 {
         (self.inner.jitter)().unwrap_or_else(|error| {
             tracing::warn!(%error, "no random number could be drawn");

@@ -5,8 +5,8 @@ use fleetcal_domain::webhook::{Delivery, Message};
 use fleetcal_model::{WallTime, WebhookId};
 use fleetcal_store::{Records, StoreError};
 
-/// Puts a message into the outbox of every webhook that is told of its event; the transaction is
-/// the one of the change that it tells.
+/// Adds a message to the outbox of every webhook that receives its event; the transaction is that
+/// of the reported change.
 pub(crate) async fn tell(
     records: &mut dyn Records,
     message: &Message,
@@ -23,7 +23,8 @@ pub(crate) async fn tell(
     Ok(())
 }
 
-/// Gives up the oldest of too many that wait, and forgets the oldest of too many that are done.
+/// Gives up the oldest waiting deliveries beyond the limit, and deletes the oldest finished ones
+/// beyond theirs.
 pub(super) async fn keep_within_limits(
     records: &mut dyn Records,
     webhook: WebhookId,
@@ -39,7 +40,7 @@ pub(super) async fn keep_within_limits(
         .await
 }
 
-/// A message that cannot be written as JSON.
+/// Error for a message that cannot be written as JSON.
 pub(crate) fn unwritable(error: &serde_json::Error) -> StoreError {
     StoreError::Corrupt {
         table: "webhook_delivery",

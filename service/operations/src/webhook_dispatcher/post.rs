@@ -1,4 +1,4 @@
-//! One request to one receiver.
+//! Request to one receiver.
 
 use std::sync::Arc;
 
@@ -17,27 +17,27 @@ use thiserror::Error;
 
 use crate::cause::whole;
 
-/// Why a receiver gave no answer.
+/// Reason for which a receiver gave no answer.
 #[derive(Debug, Error)]
 pub(super) enum PostError {
-    /// The request cannot be made of the webhook's address.
+    /// Request that cannot be made from the webhook's address.
     #[error("the request cannot be made: {0}")]
     Request(#[from] hyper::http::Error),
-    /// The receiver cannot be reached, or what it says is no HTTP.
+    /// Receiver that cannot be reached, or does not answer in HTTP.
     #[error("{}", whole(.0))]
     Exchange(#[from] hyper_util::client::legacy::Error),
-    /// The receiver took too long.
+    /// Timeout of the receiver.
     #[error("no answer within {} s", limits::WEBHOOK_TIMEOUT.as_secs())]
     Timeout,
-    /// This machine has no TLS.
+    /// TLS unavailable on this machine.
     #[error("TLS cannot be used: {0}")]
     Tls(String),
 }
 
 type HttpClient = Client<HttpsConnector<HttpConnector>, Full<Bytes>>;
 
-/// What requests are made with. No redirection is followed, no proxy is asked, no connection is
-/// kept, and of an answer nothing but the status is looked at.
+/// HTTP client of the dispatcher. It follows no redirection, uses no proxy, keeps no connection,
+/// and reads only the status of an answer.
 #[derive(Debug)]
 pub(super) struct Post {
     client: Result<HttpClient, String>,
@@ -47,12 +47,12 @@ impl Post {
     pub(super) fn new() -> Self {
         let client = tls().map_err(|error| error.to_string()).map(client);
         if let Err(error) = &client {
-            tracing::error!(%error, "webhooks cannot be told: there is no TLS");
+            tracing::error!(%error, "webhooks cannot be sent: TLS is unavailable");
         }
         Self { client }
     }
 
-    /// Sends a message; gives the status of the answer.
+    /// Sends a message; returns the status of the answer.
     pub(super) async fn send(&self, due: &DueDelivery, now_s: i64) -> Result<u16, PostError> {
         let client = self.client.as_ref();
         let client = client.map_err(|error| PostError::Tls(error.clone()))?;
@@ -73,7 +73,7 @@ impl Post {
     }
 }
 
-/// TLS with the certificates that this machine trusts, to which a site adds its own.
+/// TLS configuration with the certificates that this machine trusts, to which a site adds its own.
 fn tls() -> Result<ClientConfig, rustls::Error> {
     let mut roots = RootCertStore::empty();
     let found = rustls_native_certs::load_native_certs();

@@ -1,4 +1,4 @@
-//! Receivers on the loopback, as good and bad as receivers are.
+//! Receivers on the loopback, with the faults of real ones.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,16 +17,16 @@ use tokio::net::{TcpListener, TcpStream};
 use super::*;
 use crate::alert_evaluator::Observe;
 
-/// 2026-01-01T00:00:00Z.
+/// Time 2026-01-01T00:00:00Z.
 const NOW_NS: i64 = 1_767_225_600_000_000_000;
-/// Longer than anything here takes.
+/// Timeout beyond any duration of these tests.
 const PATIENCE: Duration = Duration::from_mins(1);
 
 fn secret() -> Secret {
     Secret::from_bytes(vec![9; 32])
 }
 
-/// A store with a webhook for each address.
+/// Store with a webhook for each address.
 struct Bench {
     database: TestDatabase,
     clock: Arc<MockClock>,
@@ -55,7 +55,7 @@ impl Bench {
         }
     }
 
-    /// Something is wrong with a robot, of which every webhook is told.
+    /// Begins an alert about a robot, which every webhook receives.
     async fn alert(&self, robot: &str) {
         let sighting = Sighting {
             kind: AlertKind::NotApplied,
@@ -82,7 +82,7 @@ impl Bench {
         })
     }
 
-    /// The newest message of a webhook, once it is as it should be.
+    /// Newest message of a webhook, once it satisfies a condition.
     async fn delivery(&self, webhook: WebhookId, is_ready: impl Fn(&Delivery) -> bool) -> Delivery {
         let wait = async {
             loop {
@@ -103,7 +103,7 @@ async fn listen() -> (TcpListener, String) {
     (listener, url)
 }
 
-/// A request as it came: its head and body.
+/// Received request: its head and body.
 struct Received {
     head: String,
     body: String,
@@ -117,7 +117,7 @@ impl Received {
     }
 }
 
-/// Reads one request, and answers it with these bytes; with none, the connection just ends.
+/// Reads one request, and answers it with these bytes; if they are empty, the connection just ends.
 async fn answer(listener: &TcpListener, answer: &str) -> Received {
     let accepted = tokio::time::timeout(PATIENCE, listener.accept()).await;
     let (mut stream, _) = accepted.unwrap().unwrap();

@@ -12,38 +12,38 @@ use serde_json::Value;
 
 use super::outbox::keep_within_limits;
 
-/// A new webhook.
+/// Job that creates a webhook.
 #[derive(Debug, Clone)]
 pub struct CreateWebhook {
-    /// Where messages go.
+    /// Address of the receiver.
     pub url: WebhookUrl,
-    /// What it is told of.
+    /// Events that it receives.
     pub events: Vec<WebhookEvent>,
-    /// What its messages are signed with.
+    /// Secret that signs its messages.
     pub secret: Secret,
-    /// Who makes it.
+    /// Actor of the change.
     pub actor: Actor,
     /// Wall time.
     pub now: WallTime,
 }
 
-/// A webhook that goes.
+/// Job that deletes a webhook.
 #[derive(Debug, Clone)]
 pub struct DeleteWebhook {
-    /// Which.
+    /// Number of the webhook.
     pub id: WebhookId,
-    /// Who takes it away.
+    /// Actor of the change.
     pub actor: Actor,
     /// Wall time.
     pub now: WallTime,
 }
 
-/// An attempt at a delivery.
+/// Job that records an attempt at a delivery.
 #[derive(Debug, Clone)]
 pub struct NoteAttempt {
-    /// Which delivery.
+    /// Number of the delivery.
     pub delivery: DeliveryId,
-    /// What came of it.
+    /// Attempt with its result.
     pub attempt: Attempt,
     /// Wall time of its end.
     pub now: WallTime,
@@ -110,7 +110,7 @@ fn entry(action: Action, webhook: &Webhook, actor: &Actor, now: WallTime) -> Aud
 
 #[async_trait]
 impl Job for NoteAttempt {
-    /// The delivery as it stands now; `None` when its webhook is gone.
+    /// Delivery after the attempt; `None` if its webhook is deleted.
     type Done = Option<Delivery>;
 
     async fn run(&self, records: &mut dyn Records) -> Result<Option<Delivery>, StoreError> {

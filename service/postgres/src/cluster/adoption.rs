@@ -5,7 +5,8 @@ use fleetcal_store::{EventKind, EventSource, StoreError};
 
 use crate::connection::Session;
 
-/// Puts the start into the histories of those robots whose estimators go on from a stored state.
+/// Records the start in the histories of those robots whose estimators continue from a stored
+/// state.
 ///
 /// # Errors
 /// The database's failure.

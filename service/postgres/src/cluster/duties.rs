@@ -6,7 +6,7 @@ use fleetcal_store::StoreError;
 use super::seat;
 use crate::connection::Session;
 
-/// Claims duties that nobody has; gives those that it got.
+/// Claims free duties; returns those that it got.
 pub(super) async fn claim(
     session: &mut Session,
     seat: &Seat,
@@ -34,7 +34,7 @@ pub(super) async fn claim(
     Ok(claimed.filter_map(|(name,)| Duty::parse(name)).collect())
 }
 
-/// Gives up own duties.
+/// Frees own duties.
 pub(super) async fn free(
     session: &mut Session,
     seat: &Seat,

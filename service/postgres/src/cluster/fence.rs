@@ -10,19 +10,20 @@ use fleetcal_store::backend::Batch;
 use super::robots::names;
 use crate::connection::Session;
 
-/// Whether a fence is locked.
+/// Locking of a fence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[doc(hidden)]
 pub enum Fencing {
-    /// It is. A cluster has nothing else.
+    /// The fence is locked, always so in a cluster.
     Locked,
-    /// It is not: with this, the test of late writes shows that it can fail.
+    /// The fence is not locked: with this, the test of late writes shows that it can fail.
     Unlocked,
 }
 
-/// Holds back what another instance has taken over. A transaction of telemetry locks its instance's
-/// row first, against which everybody locks it who ends one of its tenures, and then looks which it
-/// has: by a statement of its own, since the one that waited for the lock sees what was before.
+/// Fence that removes the rows of robots which another instance has taken over. A transaction of
+/// telemetry first locks its instance's row, which is also locked to end one of its tenures, and
+/// then reads its tenures: by a statement of its own, since a statement that waited for the lock
+/// sees the state before it.
 #[derive(Debug)]
 pub(crate) struct Fence {
     instance: InstanceId,
@@ -34,7 +35,7 @@ impl Fence {
         Self { instance, fencing }
     }
 
-    /// Takes out of a batch what bears a tenure that has ended.
+    /// Removes the rows of ended tenures from a batch.
     ///
     /// # Errors
     /// The database's failure.
@@ -66,7 +67,7 @@ impl Fence {
         Ok(())
     }
 
-    /// Those of these minutes, each by its robot's key, whose robots this instance has.
+    /// Selects from these minutes, each with its robot's key, those of this instance's robots.
     ///
     /// # Errors
     /// The database's failure.
@@ -87,7 +88,7 @@ impl Fence {
         Ok(minutes.filter(|(robot, _)| own.contains(robot)).collect())
     }
 
-    /// The keys of those of these robots that this instance has, with when it adopted them.
+    /// Returns the keys of this instance's robots among these, with the times of adoption.
     ///
     /// # Errors
     /// The database's failure.

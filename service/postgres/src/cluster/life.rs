@@ -12,7 +12,7 @@ use super::seat::{self, columns, lease_ns, ns};
 use crate::advisory::NAME;
 use crate::connection::Session;
 
-/// Begins a life of an instance, whose name the caller's connection has locked.
+/// Begins a life of an instance, whose name is locked by the caller's connection.
 pub(super) async fn join(
     session: &mut Session,
     joining: &Joining,
@@ -55,7 +55,7 @@ pub(super) async fn join(
     })
 }
 
-/// Takes the key that documents are signed with, unless there is one.
+/// Stores the signing key unless there is one, and checks that it agrees.
 async fn agree_on_key(session: &mut Session, key: &str, database: &str) -> Result<(), StoreError> {
     let failed = || StoreError::database("say what its instances sign with");
     let first = "INSERT INTO cluster_key (id, signing_key) VALUES (1, $1) ON CONFLICT DO NOTHING";
@@ -77,7 +77,7 @@ async fn agree_on_key(session: &mut Session, key: &str, database: &str) -> Resul
     }
 }
 
-/// Waits until nothing is being written in an earlier life of an instance; gives that life.
+/// Waits until all writes in an earlier life of an instance have ended; returns that life.
 async fn lock_former(
     session: &mut Session,
     instance: &InstanceId,
@@ -93,8 +93,8 @@ async fn lock_former(
     }))
 }
 
-/// Renews a lease; gives the database's time and the least number in an order that it gives out now,
-/// or `None` when the seat has ended.
+/// Renews a lease; returns the database's time and the least number in an order that it assigns
+/// now, or `None` if the seat has ended.
 pub(super) async fn renew(
     session: &mut Session,
     seat: &Seat,
@@ -129,8 +129,8 @@ fn texts<T>(all: &BTreeSet<T>, text: fn(&T) -> &str) -> Vec<String> {
     all.iter().map(|one| text(one).to_owned()).collect()
 }
 
-/// Brings the epochs of own robots behind everything that a promotion of the database has forgotten:
-/// others may have heard a higher one that the rows do not know any more.
+/// Raises the epochs of own robots above those that a promotion of the database has forgotten:
+/// others may have received a higher one than the rows show.
 pub(super) async fn raise_epochs(session: &mut Session, seat: &Seat) -> Result<(), StoreError> {
     const RAISED: &str = "
         UPDATE robot_owner SET epoch = order_floor()
@@ -144,7 +144,7 @@ pub(super) async fn raise_epochs(session: &mut Session, seat: &Seat) -> Result<(
         .map_err(StoreError::database("raise epochs"))
 }
 
-/// Ends seats of others and frees what they had; gives those that were ended.
+/// Ends seats of others and frees their robots and duties; returns the ended seats.
 pub(super) async fn take_for_dead(
     session: &mut Session,
     by: &Seat,
@@ -187,7 +187,7 @@ pub(super) async fn take_for_dead(
     Ok(seats)
 }
 
-/// Whether a seat's lease has not ended.
+/// True if a seat's lease has not ended.
 async fn has_lease(session: &mut Session, seat: &Seat) -> Result<bool, StoreError> {
     const LIVES: &str = "SELECT 1::int8 FROM instance WHERE id = $1 AND incarnation = $2
         AND ended_ns IS NULL AND lease_ends_ns > clock_ns()";
@@ -201,8 +201,8 @@ async fn has_lease(session: &mut Session, seat: &Seat) -> Result<bool, StoreErro
     Ok(!found.is_empty())
 }
 
-/// The instances whose connection does not hold the lock of their name. It is held here until the
-/// transaction ends, so that none comes back meanwhile.
+/// Returns the instances whose connection does not hold the lock of their name. The lock is held
+/// here until the transaction ends, so that none returns meanwhile.
 async fn without_connection(
     session: &mut Session,
     instances: &[InstanceId],
@@ -237,7 +237,7 @@ async fn end(session: &mut Session, seats: &[Seat]) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Ends a life that its own process ends, and frees what it has.
+/// Ends a life at the request of its own process, and frees its robots and duties.
 pub(super) async fn leave(session: &mut Session, seat: &Seat) -> Result<(), StoreError> {
     if !seat::stop_writes(session, seat).await? {
         return Ok(());

@@ -25,7 +25,7 @@ pub(super) async fn look(session: &mut Session) -> Result<Look, StoreError> {
     Ok(look)
 }
 
-/// Reads the instances and the version of the rows, in one statement where there are any.
+/// Reads the instances and the version of the rows, in a single statement if there are any.
 pub(super) async fn glance(session: &mut Session) -> Result<Look, StoreError> {
     const GLANCE: &str = "
         SELECT v.version, clock_ns() AS now_ns, i.id, i.incarnation, i.capacity, i.draining, i.linked, i.url,
@@ -55,7 +55,7 @@ pub(super) async fn glance(session: &mut Session) -> Result<Look, StoreError> {
     })
 }
 
-/// The version of the rows and the database's clock.
+/// Reads the version of the rows and the database's clock.
 async fn version(session: &mut Session) -> Result<(i64, i64), StoreError> {
     let query = sqlx::query_as("SELECT version, clock_ns() FROM cluster_rows");
     let found: Vec<(i64, i64)> = session
@@ -67,9 +67,9 @@ async fn version(session: &mut Session) -> Result<(i64, i64), StoreError> {
 
 #[derive(FromRow)]
 struct MemberRow {
-    /// Of all rows.
+    /// Version of all rows.
     version: i64,
-    /// By the clock of the database.
+    /// Time by the database's clock, ns.
     now_ns: i64,
     id: String,
     incarnation: i64,

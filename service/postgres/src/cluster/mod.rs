@@ -39,27 +39,27 @@ use transaction::Transaction;
 pub(crate) use fence::Fence;
 pub use fence::Fencing;
 
-/// Each statement sees what was committed before it.
+/// Isolation in which each statement sees the commits before it.
 const BEGIN: &str = "BEGIN ISOLATION LEVEL READ COMMITTED";
-/// All statements see one moment.
+/// Isolation in which all statements see one moment.
 const BEGIN_LOOK: &str = "BEGIN ISOLATION LEVEL REPEATABLE READ, READ ONLY";
 
-/// The rows over three connections, so that nothing keeps a renewal waiting: one for the lease, which
-/// holds the lock of the instance's name as well, one for tries to sign in, one for all else.
+/// Cluster's rows over three connections, so that renewals never wait: one for the lease, which
+/// also holds the lock of the instance's name, one for attempts to sign in, one for the rest.
 #[derive(Debug)]
 pub(crate) struct Registry {
     servers: Arc<Servers>,
     lease: Mutex<Line>,
     ownership: Mutex<Line>,
-    /// For tries to sign in, of which anybody may make many.
+    /// Connection for attempts to sign in, which anybody may make in numbers.
     tries: Mutex<Line>,
-    /// The least number in an order that the database gave out when a lease was renewed last: it
+    /// Least number in an order that the database assigned at the last renewal of the lease: it
     /// moves with each promotion.
     floor: AtomicI64,
 }
 
 impl Registry {
-    /// That of an instance of this name; it connects when it is used.
+    /// Makes the registry of an instance of this name; it connects on first use.
     pub(crate) fn new(servers: Arc<Servers>, instance: &InstanceId) -> Self {
         let lock = AdvisoryLock::new(Locked::Name(instance.clone()));
         let line = |purpose, lock| Mutex::new(Line::new(Arc::clone(&servers), purpose, None, lock));
@@ -72,8 +72,8 @@ impl Registry {
         }
     }
 
-    /// Looks at the instances alone, in one statement; gives nothing when robots or duties have changed,
-    /// or there is no connection any more.
+    /// Reads the instances alone, in one statement; returns `None` if robots or duties have
+    /// changed, or the connection is lost.
     async fn glance(&self, known: RowsVersion) -> Result<Option<Look>, StoreError> {
         let mut line = self.ownership.lock().await;
         let Some(mut session) = line.take_usable() else {

@@ -12,7 +12,7 @@ use crate::connection::Session;
 
 type Query = sqlx::query::Query<'static, Postgres, PgArguments>;
 
-/// Claims robots that nobody has and whose state the instance can read.
+/// Claims free robots whose state the instance can read.
 pub(super) async fn claim(
     session: &mut Session,
     seat: &Seat,
@@ -56,7 +56,7 @@ pub(super) async fn claim(
     tenures.collect()
 }
 
-/// Names who is to have own robots next. Who is named already stays as ready as it is.
+/// Names the heirs of own robots. An heir that is named already stays as ready as it is.
 pub(super) async fn name_heirs(
     session: &mut Session,
     seat: &Seat,
@@ -91,7 +91,7 @@ pub(super) async fn name_heirs(
     change(session, held, query, StoreError::database("name heirs")).await
 }
 
-/// Says that the seat hears robots that it is to have next.
+/// Records that the seat receives the messages of robots that it is the heir of.
 pub(super) async fn note_ready(
     session: &mut Session,
     seat: &Seat,
@@ -111,7 +111,8 @@ pub(super) async fn note_ready(
     change(session, held, query, StoreError::database("note an heir")).await
 }
 
-/// Hands own robots over to their heirs, if these are alive; gives those that went.
+/// Hands own robots over to their heirs, if these are alive; returns the robots that were handed
+/// over.
 pub(super) async fn hand_over(
     session: &mut Session,
     seat: &Seat,
@@ -165,7 +166,7 @@ pub(super) async fn hand_over(
     handed.iter().map(|(name,)| robot(name)).collect()
 }
 
-/// Gives up own robots.
+/// Frees own robots.
 pub(super) async fn free(
     session: &mut Session,
     seat: &Seat,
@@ -185,7 +186,7 @@ pub(super) async fn free(
     change(session, held, query, StoreError::database("free robots")).await
 }
 
-/// Runs a statement for a seat that is `held`.
+/// Runs a statement if the seat is `held`.
 async fn change(
     session: &mut Session,
     held: bool,
@@ -198,7 +199,7 @@ async fn change(
     Ok(())
 }
 
-/// A statement that takes a seat and robots.
+/// Makes a statement whose values are a seat and robots.
 fn of_robots(sql: &'static str, seat: &Seat, robots: &[RobotId]) -> Query {
     sqlx::query(sql)
         .bind(seat.instance.as_str().to_owned())
@@ -211,7 +212,7 @@ pub(super) fn names<'r>(robots: impl IntoIterator<Item = &'r RobotId>) -> Vec<St
     robots.map(|robot| robot.as_str().to_owned()).collect()
 }
 
-/// A robot out of a row.
+/// Parses a robot's id from a row.
 pub(super) fn robot(name: &str) -> Result<RobotId, StoreError> {
     RobotId::parse(name).map_err(|error| StoreError::Corrupt {
         table: "robot",

@@ -6,16 +6,16 @@ use fleetcal_store::StoreError;
 
 use crate::connection::Session;
 
-/// Keeps a life of an instance from being ended until the transaction ends; `false` when it has
-/// ended before.
+/// Keeps a life of an instance from being ended until the transaction ends; returns `false` if it
+/// has ended before.
 pub(super) async fn hold(session: &mut Session, seat: &Seat) -> Result<bool, StoreError> {
     const HELD: &str = "SELECT 1::int8 FROM instance
         WHERE id = $1 AND incarnation = $2 AND ended_ns IS NULL FOR KEY SHARE";
     lock(session, HELD, seat).await
 }
 
-/// Waits until nothing is being written in a life of an instance, and keeps such writes waiting
-/// until the transaction ends; `false` when it has ended before.
+/// Waits until all writes in a life of an instance have ended, and blocks such writes until the
+/// transaction ends; returns `false` if the life has ended before.
 pub(super) async fn stop_writes(session: &mut Session, seat: &Seat) -> Result<bool, StoreError> {
     const STOPPED: &str = "SELECT 1::int8 FROM instance
         WHERE id = $1 AND incarnation = $2 AND ended_ns IS NULL FOR UPDATE";
@@ -34,7 +34,7 @@ async fn lock(session: &mut Session, sql: &'static str, seat: &Seat) -> Result<b
     Ok(!found.is_empty())
 }
 
-/// Frees all that ended seats had or were to have.
+/// Frees the robots and duties of ended seats, and those that they were heirs of.
 pub(super) async fn release(session: &mut Session, seats: &[Seat]) -> Result<(), StoreError> {
     const ROBOTS: &str = "
         WITH freed AS (
@@ -68,14 +68,14 @@ pub(super) async fn release(session: &mut Session, seats: &[Seat]) -> Result<(),
     Ok(())
 }
 
-/// Names and incarnations of seats, as arrays.
+/// Returns names and incarnations of seats, as arrays.
 pub(super) fn columns<'s>(seats: impl IntoIterator<Item = &'s Seat>) -> (Vec<String>, Vec<i64>) {
     let seats = seats.into_iter();
     let of = |seat: &Seat| (seat.instance.as_str().to_owned(), seat.incarnation.0);
     seats.map(of).unzip()
 }
 
-/// The name of an instance out of a row.
+/// Parses the name of an instance from a row.
 pub(super) fn instance(name: &str) -> Result<InstanceId, StoreError> {
     InstanceId::parse(name).map_err(|error| StoreError::Corrupt {
         table: "instance",
@@ -83,12 +83,12 @@ pub(super) fn instance(name: &str) -> Result<InstanceId, StoreError> {
     })
 }
 
-/// A span of time in the database's unit.
+/// Converts a span of time into the database's unit, ns.
 pub(super) fn ns(span: std::time::Duration) -> i64 {
     i64::try_from(span.as_nanos()).unwrap_or(i64::MAX)
 }
 
-/// How long a lease is, ns.
+/// Returns the length of a lease, ns.
 pub(super) fn lease_ns() -> i64 {
     ns(limits::CLUSTER_LEASE)
 }

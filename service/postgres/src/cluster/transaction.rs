@@ -8,15 +8,15 @@ use tokio::sync::{Mutex, MutexGuard};
 use crate::connection::Session;
 use crate::line::Line;
 
-/// A transaction. One that is dropped before its end goes with its connection, so that whoever gives
-/// up waiting leaves nothing half done.
+/// A transaction. If it is dropped before its end, its connection is dropped too, so that an
+/// abandoned one leaves nothing half done.
 pub(super) struct Transaction<'l> {
     line: MutexGuard<'l, Line>,
     session: Session,
 }
 
 impl<'l> Transaction<'l> {
-    /// Begins one on a line.
+    /// Begins a transaction on a line.
     ///
     /// # Errors
     /// As of [`Line::begin`].
@@ -34,10 +34,10 @@ impl<'l> Transaction<'l> {
         &mut self.session
     }
 
-    /// Commits what was done, or undoes it when something failed.
+    /// Commits the work, or undoes it after a failure.
     ///
     /// # Errors
-    /// What failed; [`StoreError::Commit`] when the commit did.
+    /// The work's error; [`StoreError::Commit`] if the commit failed.
     pub(super) async fn end<T>(mut self, done: Result<T, StoreError>) -> Result<T, StoreError> {
         let ended = match done {
             Ok(done) => {

@@ -10,7 +10,8 @@ use fleetcal_store::cluster::Try;
 use super::seat::ns;
 use crate::connection::Session;
 
-/// Counts a try as each of `tries` until one was too many; gives how long to wait then.
+/// Counts an attempt under each of `tries` until one is excessive; returns the time to wait in that
+/// case.
 pub(super) async fn count(
     session: &mut Session,
     tries: &[Try],
@@ -49,8 +50,8 @@ async fn count_as(session: &mut Session, one: &Try) -> Result<Option<Duration>, 
     Ok(Some(Duration::from_nanos(ahead.unsigned_abs())))
 }
 
-/// Deletes what is worked off, and what is beyond the limit, the first first. Rows that others work
-/// on are left to them, so that nobody waits for two rows.
+/// Deletes keys that are worked off, and the earliest ones beyond the limit. Rows locked by others
+/// are skipped, so that no transaction waits for two rows.
 async fn make_room(session: &mut Session) -> Result<(), StoreError> {
     const DELETED: &str = "
         DELETE FROM sign_in_try WHERE key IN (
@@ -66,8 +67,8 @@ async fn make_room(session: &mut Session) -> Result<(), StoreError> {
         .map_err(StoreError::database("forget tries to sign in"))
 }
 
-/// Remembers a pair of address and name with which somebody has signed in, and forgets the oldest
-/// beyond the limit. Rows that others work on are left to them.
+/// Stores a pair of address and name that was used for signing in, and deletes the oldest ones
+/// beyond the limit. Rows locked by others are skipped.
 pub(super) async fn note_pair(session: &mut Session, pair: &str) -> Result<(), StoreError> {
     const NOTED: &str = "
         INSERT INTO sign_in_pair (pair, right_at_ns) VALUES ($1, clock_ns())
@@ -89,7 +90,7 @@ pub(super) async fn note_pair(session: &mut Session, pair: &str) -> Result<(), S
     Ok(())
 }
 
-/// Whether a pair of address and name is remembered.
+/// True if a pair of address and name is stored.
 pub(super) async fn knows_pair(session: &mut Session, pair: &str) -> Result<bool, StoreError> {
     const KNOWN: &str = "SELECT 1::int8 FROM sign_in_pair WHERE pair = $1";
     let query = sqlx::query_as(KNOWN).bind(pair);
@@ -99,7 +100,7 @@ pub(super) async fn knows_pair(session: &mut Session, pair: &str) -> Result<bool
         .map_err(StoreError::database("say who has signed in from where"))
 }
 
-/// Forgets tries under these keys.
+/// Deletes the attempts under these keys.
 pub(super) async fn forget(session: &mut Session, keys: &[String]) -> Result<(), StoreError> {
     let query = sqlx::query("DELETE FROM sign_in_try WHERE key = ANY ($1)").bind(keys);
     let forgotten = session.execute_query(query).await;

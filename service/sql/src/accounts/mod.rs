@@ -8,7 +8,7 @@ use fleetcal_store::{Credential, CredentialUse, StoreError};
 use crate::connection::Connection;
 use crate::query::query;
 
-/// Notes when a session or token was used.
+/// Records the use of a session or token.
 pub(super) async fn note_use(
     connection: &mut dyn Connection,
     used: &CredentialUse,

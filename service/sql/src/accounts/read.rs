@@ -14,10 +14,10 @@ use crate::query::query;
 use crate::row::{column, corrupt, wall_time, wall_time_or_null};
 use crate::value::Row;
 
-/// The columns of [`user_of`].
+/// Columns that [`user_of`] reads.
 pub(super) const USER: &str = "u.id, u.name, u.role, u.password, u.disabled, u.version, \
                                u.created_ns, u.updated_ns, u.signed_in_ns";
-/// The columns of [`token_of`].
+/// Columns that [`token_of`] reads.
 pub(super) const TOKEN: &str = "t.id, t.name, t.role, t.robot, t.sha256, t.created_by, \
                                 t.created_ns, t.expires_ns, t.revoked_ns, t.used_ns";
 
@@ -117,7 +117,7 @@ impl AccountReader for SqlReader {
     }
 }
 
-/// A user out of [`USER`].
+/// Reads a user from the columns of [`USER`].
 pub(super) fn user_of(row: &Row) -> Result<UserRecord, StoreError> {
     const TABLE: &str = "user";
     let version: i64 = column(row, TABLE, 5)?;
@@ -134,7 +134,7 @@ pub(super) fn user_of(row: &Row) -> Result<UserRecord, StoreError> {
     })
 }
 
-/// A token out of [`TOKEN`].
+/// Reads a token from the columns of [`TOKEN`].
 pub(super) fn token_of(row: &Row) -> Result<TokenRecord, StoreError> {
     const TABLE: &str = "token";
     let robot: Option<String> = column(row, TABLE, 3)?;

@@ -11,7 +11,7 @@ use sqlx::{ConnectOptions, Connection};
 use super::*;
 use fleetcal_contract::AddUser;
 
-/// Tells the child process which folder to write to.
+/// Variable with the child process's folder.
 const FOLDER: &str = "FLEETCAL_TEST_STORE";
 /// Name of the child's test.
 const CHILD: &str = "tests::durability::child_that_is_killed";
@@ -25,8 +25,8 @@ pub(super) async fn raw(folder: &Path) -> sqlx::SqliteConnection {
         .unwrap()
 }
 
-/// Writes a second of history again and again and tells each that is committed, until it is
-/// killed by its parent.
+/// Writes a second of history again and again and prints each committed one, until it is killed by
+/// its parent.
 #[tokio::test]
 #[ignore = "is the child of a_killed_store_has_every_committed_second"]
 async fn child_that_is_killed() {

@@ -14,11 +14,11 @@ use fleetcal_domain::streams::Ros2Settings;
 use fleetcal_model::RobotTime;
 use fleetcal_store::CheckpointRecord;
 
-/// The migration that makes checkpoints bytes.
+/// Migration that makes checkpoints bytes.
 const CHECKPOINT_BYTES: i64 = 20_261_123_100_000;
-/// The migration that calls wheel odometry by its name.
+/// Migration that renames wheel odometry.
 const WHEEL_ODOMETRY: i64 = 20_261_122_230_000;
-/// The migration that names who had chosen values before records did.
+/// Migration that adds the person who chose the values to older records.
 const CHOSEN_BY: i64 = 20_261_122_140_000;
 
 fn offer(generation: Generation) -> GenerationRef {
@@ -30,7 +30,7 @@ fn offer(generation: Generation) -> GenerationRef {
     }
 }
 
-/// An ended deployment of a robot that should hold generation 2.
+/// Makes an ended deployment of a robot that should hold generation 2.
 fn deployment(id: u64, name: &str, approved_by: &str, proposal: Option<ProposalId>) -> Deployment {
     Deployment {
         id: DeploymentId(id),
@@ -58,7 +58,7 @@ fn deployment(id: u64, name: &str, approved_by: &str, proposal: Option<ProposalI
     }
 }
 
-/// The records of a robot with this deployment, and where they go.
+/// Returns the records of a robot with this deployment, and their tables.
 fn records_of(deployment: &Deployment) -> [(&'static str, String); 4] {
     let robot = deployment.robot.clone();
     let values = (CalibrationValues::default(), CalibrationValues::default());
@@ -97,7 +97,7 @@ fn records_of(deployment: &Deployment) -> [(&'static str, String); 4] {
     ]
 }
 
-/// Who chose what a robot should hold, after the database was brought up to date.
+/// Returns the person who chose a robot's values, after the database was migrated.
 async fn chosen_by(
     deployment: &Deployment,
     rolled_back_by: Option<(&str, &str)>,
@@ -153,8 +153,8 @@ async fn what_people_rolled_back_to_before_records_said_so_is_theirs() {
     assert_eq!(by_service, None);
 }
 
-/// Makes a database believe that migrations from this one on were not run, without what the latest
-/// of them have added.
+/// Makes a database appear without the migrations from this one on, and removes the additions of
+/// the latest of them.
 async fn forget_migrations(raw: &mut sqlx::SqliteConnection, from: i64) {
     sqlx::query("DELETE FROM _sqlx_migrations WHERE version >= ?1")
         .bind(from)
@@ -169,8 +169,8 @@ async fn forget_migrations(raw: &mut sqlx::SqliteConnection, from: i64) {
     }
 }
 
-/// Writes robots as a database of earlier versions has them, by id and what more their
-/// configurations say, and one that is not registered.
+/// Writes robots in the form of earlier versions, by id and further keys of their configurations,
+/// and one unregistered robot.
 async fn write_former_robots(folder: &Path, robots: &[(&str, &str)]) {
     let mut raw = raw(folder).await;
     for (id, more) in robots {

@@ -1,4 +1,4 @@
-//! Users, sessions and API tokens: what the store is asked.
+//! Requests for users, sessions and API tokens.
 
 use fleetcal_domain::access::{SecretHash, SetupCode};
 use fleetcal_model::UserId;
@@ -9,7 +9,7 @@ use crate::error::StoreError;
 use crate::telemetry::Telemetry;
 
 impl Store {
-    /// Notes that a session or token was used. Never waits.
+    /// Records the use of a session or token. Never waits.
     pub fn note_use(&self, credential: Credential) {
         let now = self.shared.clock.now();
         self.offer(Telemetry::Use(CredentialUse { credential, now }));
@@ -23,7 +23,7 @@ impl Store {
         self.shared.reader.users(after, limit).await
     }
 
-    /// Whether there is any user.
+    /// True if there is any user.
     ///
     /// # Errors
     /// The database's failure.
@@ -31,7 +31,7 @@ impl Store {
         Ok(!self.shared.reader.users(0, 1).await?.is_empty())
     }
 
-    /// A user.
+    /// Reads one user.
     ///
     /// # Errors
     /// The database's failure.
@@ -39,7 +39,7 @@ impl Store {
         self.shared.reader.user(id).await
     }
 
-    /// The user of a name, upper or lower case.
+    /// Finds the user of a name, upper or lower case.
     ///
     /// # Errors
     /// The database's failure.
@@ -55,7 +55,7 @@ impl Store {
         self.shared.reader.tokens(after, limit).await
     }
 
-    /// The token of a value, whether it counts or not.
+    /// Finds the token of a value, valid or not.
     ///
     /// # Errors
     /// The database's failure.
@@ -63,7 +63,7 @@ impl Store {
         self.shared.reader.token_of(hash).await
     }
 
-    /// The session of a cookie, whether it counts or not; none of a user that is disabled.
+    /// Finds the session of a cookie, valid or not; disabled users have none.
     ///
     /// # Errors
     /// The database's failure.
@@ -71,7 +71,8 @@ impl Store {
         self.shared.reader.session_of(hash).await
     }
 
-    /// The code of a text by which the first administrator can be made, whether it counts or not.
+    /// Finds the set-up code of a text, valid or not, with which the first administrator is
+    /// created.
     ///
     /// # Errors
     /// The database's failure.

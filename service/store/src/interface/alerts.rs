@@ -1,4 +1,4 @@
-//! Alerts: what the store is asked.
+//! Requests for alerts.
 
 use fleetcal_domain::alert::Alert;
 use fleetcal_model::AlertId;
@@ -8,7 +8,7 @@ use crate::alerts::{AlertFilter, AlertMoment};
 use crate::error::StoreError;
 
 impl Store {
-    /// Every alert that is not over.
+    /// Every alert that has not ended.
     ///
     /// # Errors
     /// The database's failure.
@@ -24,7 +24,7 @@ impl Store {
         self.shared.reader.alerts(filter).await
     }
 
-    /// One alert with how it went, oldest change first.
+    /// Reads an alert with its changes, oldest first.
     ///
     /// # Errors
     /// The database's failure.

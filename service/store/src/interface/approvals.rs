@@ -1,4 +1,4 @@
-//! The life cycle's records: what the store is asked.
+//! Requests for the life cycle's records.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use crate::approvals::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter};
 use crate::error::StoreError;
 
 impl Store {
-    /// The records of every robot that has any.
+    /// Records of the life cycle, of every robot that has any.
     ///
     /// # Errors
     /// The database's failure.
@@ -21,7 +21,7 @@ impl Store {
         self.shared.reader.ledgers().await
     }
 
-    /// A signed document.
+    /// Reads a signed document.
     ///
     /// # Errors
     /// The database's failure.
@@ -33,7 +33,7 @@ impl Store {
         self.shared.reader.envelope(robot, generation).await
     }
 
-    /// What is to be sent, and was not.
+    /// Messages to robots that were not sent yet.
     ///
     /// # Errors
     /// The database's failure.
@@ -41,7 +41,7 @@ impl Store {
         self.shared.reader.outbox().await
     }
 
-    /// Proposals with what they propose, newest first.
+    /// Proposals with their revisions, newest first.
     ///
     /// # Errors
     /// The database's failure.
@@ -52,7 +52,7 @@ impl Store {
         self.shared.reader.proposals(filter).await
     }
 
-    /// One proposal with what it proposes.
+    /// Reads a proposal with its revision.
     ///
     /// # Errors
     /// The database's failure.
@@ -63,7 +63,7 @@ impl Store {
         self.shared.reader.proposal(id).await
     }
 
-    /// A robot's deployments before number `before`, newest first.
+    /// Deployments of a robot before number `before`, newest first.
     ///
     /// # Errors
     /// The database's failure.
@@ -76,8 +76,8 @@ impl Store {
         self.shared.reader.deployments(robot, before, limit).await
     }
 
-    /// State of what was approved, by the proposal: that of its deployment, unless a return that
-    /// followed has undone it.
+    /// State of the calibrations that were approved, by proposal: the deployment's, unless a later
+    /// return has undone it.
     ///
     /// # Errors
     /// The database's failure.
@@ -88,7 +88,7 @@ impl Store {
         self.shared.reader.followed(proposals).await
     }
 
-    /// The deployment freeze.
+    /// Reads the deployment freeze.
     ///
     /// # Errors
     /// The database's failure.

@@ -15,28 +15,28 @@ use crate::record::CheckpointRecord;
 use crate::transaction::{Job, Records};
 
 impl Store {
-    /// The rows by which several instances agree; `None` where one service has the database.
+    /// Registry of the cluster's instances; `None` if a single service has the database.
     pub fn registry(&self) -> Option<Arc<dyn ClusterRegistry>> {
         self.shared.database.registry()
     }
 
-    /// The tenures under which telemetry is written from now on.
+    /// Tenures that telemetry is written under from now on.
     pub fn claims(&self) -> &Claims {
         &self.shared.claims
     }
 
-    /// Whether rows are deleted here because of their age, which one instance does for all.
+    /// Sets whether rows are deleted here because of their age, which one instance does for all.
     pub fn set_retention(&self, deletes: bool) {
         self.shared.part.set_deletes(deletes);
     }
 
-    /// Takes that this instance has begun to estimate robots: the start is put into their histories,
-    /// and what another one has not rolled up of them is rolled up here.
+    /// Records that this instance has begun to estimate robots: the start is written to their
+    /// histories, and rows that another instance has not rolled up are rolled up here.
     pub fn adopted(&self, robots: &[RobotId]) {
         self.shared.part.adopt(robots);
     }
 
-    /// The states of these robots' estimators, of those that have one.
+    /// Checkpoints of these robots; robots without one are absent.
     ///
     /// # Errors
     /// The database's failure.
@@ -47,10 +47,10 @@ impl Store {
         self.shared.reader.checkpoints_of(robots).await
     }
 
-    /// A robot's records as they are at one moment; empty ones of a robot that has none.
+    /// Reads a robot's records as of one moment; empty ones for a robot without any.
     ///
     /// # Errors
-    /// As of [`Store::transact`].
+    /// Those of [`Store::transact`].
     pub async fn load_ledger(&self, robot: &RobotId) -> Result<RobotLedger, StoreError> {
         let robot = robot.clone();
         self.transact(LoadLedger { robot }).await
@@ -69,7 +69,7 @@ impl Store {
         self.shared.reader.audit_after(after, limit).await
     }
 
-    /// Rows of the audit after number `after` that are notes about a robot, oldest first, at most `limit`.
+    /// Notes about a robot in the audit after number `after`, oldest first, at most `limit`.
     ///
     /// # Errors
     /// The database's failure.
@@ -82,7 +82,7 @@ impl Store {
         self.shared.reader.notes_after(robot, after, limit).await
     }
 
-    /// The number of the latest row of the audit; 0 while there is none.
+    /// Number of the latest row of the audit; 0 if there is none.
     ///
     /// # Errors
     /// The database's failure.

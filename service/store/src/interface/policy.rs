@@ -1,11 +1,11 @@
-//! The approval policy: what the store is asked.
+//! Requests for the approval policy.
 
 use crate::Store;
 use crate::error::StoreError;
 use crate::policy::StoredPolicy;
 
 impl Store {
-    /// The policy that was set.
+    /// Reads the stored policy.
     ///
     /// # Errors
     /// The database's failure.

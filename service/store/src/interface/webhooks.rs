@@ -1,4 +1,4 @@
-//! Webhooks and their deliveries: what the store is asked.
+//! Requests for webhooks and their deliveries.
 
 use fleetcal_domain::webhook::{Delivery, Webhook};
 use fleetcal_model::{WallTime, WebhookId};
@@ -16,7 +16,7 @@ impl Store {
         self.shared.reader.webhooks().await
     }
 
-    /// A webhook's deliveries before number `before`, newest first.
+    /// Deliveries of a webhook before number `before`, newest first.
     ///
     /// # Errors
     /// The database's failure.
@@ -29,8 +29,8 @@ impl Store {
         self.shared.reader.deliveries(webhook, before, limit).await
     }
 
-    /// The oldest delivery of each webhook that is due at `now`, or that a clock which was set
-    /// back would make wait for longer than there is to wait.
+    /// Oldest delivery of each webhook that is due at `now`, or whose wait exceeds the longest one
+    /// because the clock was set back.
     ///
     /// # Errors
     /// The database's failure.
@@ -38,7 +38,7 @@ impl Store {
         self.shared.reader.due_deliveries(now).await
     }
 
-    /// How many deliveries wait.
+    /// Number of waiting deliveries.
     ///
     /// # Errors
     /// The database's failure.

@@ -1,5 +1,5 @@
-//! The path of telemetry: what the fleet tells of itself, gathered for a second and written in
-//! batches. Nobody waits for it, and what finds no room or cannot be written is lost and counted.
+//! Path of telemetry: the fleet's reports, gathered for a second and written in batches. No caller
+//! waits for it; rows without room in the queue, or that cannot be written, are lost and counted.
 
 mod part;
 mod pending;
@@ -21,28 +21,28 @@ use crate::record::{CheckpointRecord, CrossTrackRecord, HistoryRow, NewEvent};
 pub(crate) use part::Part;
 pub(crate) use task::{Offered, TelemetryTask};
 
-/// Where telemetry is written.
+/// Writer of telemetry.
 #[async_trait]
 pub trait TelemetryWriter: std::fmt::Debug + Send + 'static {
-    /// Writes all of a batch or nothing of it, in one transaction. What bears a tenure that has
-    /// ended is taken out of it before, however the transaction ends.
+    /// Writes all of a batch or nothing of it, in one transaction. Rows of an ended tenure are
+    /// removed from it before, whatever the transaction's outcome.
     ///
     /// # Errors
-    /// [`StoreError::Database`] when nothing was written.
+    /// [`StoreError::Database`] if nothing was written.
     async fn write(&mut self, batch: &mut Batch) -> Result<(), StoreError>;
 
-    /// Takes that this instance has begun to estimate robots, whose history it has to go on with.
+    /// Adopts robots that this instance has begun to estimate, whose history it continues.
     fn adopt(&mut self, _robots: BTreeSet<RobotId>, _now: WallTime) {}
 
     /// Deletes rows that are older than `before_s`, wall time since the Unix epoch: at most
-    /// [`fleetcal_domain::limits::RETENTION_ROWS_MAX`] of each table. Gives their number.
+    /// [`fleetcal_domain::limits::RETENTION_ROWS_MAX`] of each table. Returns their number.
     ///
     /// # Errors
-    /// [`StoreError::Database`] when nothing was deleted.
+    /// [`StoreError::Database`] if nothing was deleted.
     async fn prune(&mut self, aged: Aged, before_s: i64) -> Result<u64, StoreError>;
 
-    /// Does what writing put off, such as roll-ups: what is due, or `everything` when somebody waits
-    /// for it. What fails is done later.
+    /// Does deferred work such as roll-ups: work that is due, or `everything` if a caller waits for
+    /// it. Failed work is repeated later.
     ///
     /// # Errors
     /// [`StoreError::Database`].
@@ -57,23 +57,23 @@ pub trait TelemetryWriter: std::fmt::Debug + Send + 'static {
     async fn close(self: Box<Self>) -> Result<(), StoreError>;
 }
 
-/// What the fleet tells of itself.
+/// Report of the fleet.
 #[derive(Debug)]
 pub(crate) enum Telemetry {
-    /// An estimate, and when it was received.
+    /// Estimate and its receipt.
     History(Box<EstimateDocument>, WallTime),
-    /// An estimator's state.
+    /// Checkpoint of a robot.
     Checkpoint(CheckpointRecord),
-    /// How well a robot follows its path.
+    /// Cross-track errors of a robot.
     CrossTrack(Box<CrossTrackRecord>),
     /// An event.
     Event(Box<EventWrite>),
-    /// That a session or token was used.
+    /// Use of a session or token.
     Use(CredentialUse),
 }
 
 impl Telemetry {
-    /// The robot that it is about; `None` of what no robot has told.
+    /// Robot of the report; `None` if it is about no robot.
     pub(crate) fn robot(&self) -> Option<&RobotId> {
         match self {
             Self::History(estimate, _) => Some(&estimate.robot),
@@ -85,49 +85,49 @@ impl Telemetry {
     }
 }
 
-/// How an event that comes again is recognised, so that it is not written twice.
+/// Recognition of a repeated event, so that it is not written twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Repetition {
-    /// It is not: each is an event of its own.
+    /// No recognition: each event is a new one.
     Never,
-    /// By its robot, kind, stamp and note: a message that was delivered or replayed twice, or that
-    /// a person gave the service, which passed it on to the estimator.
+    /// Recognition by robot, kind, stamp and note: of a message that was delivered or replayed
+    /// twice, or that a person sent to the service, which passed it on to the estimator.
     Content,
-    /// By its robot, kind, stamp and note, and what it says now replaces what it said: an estimator
-    /// tells of a change before it knows how far it went.
+    /// Recognition by robot, kind, stamp and note, with replacement of the earlier event: an
+    /// estimator reports a change before its size is known.
     Completes,
 }
 
-/// An event to be written.
+/// Event to be written.
 #[derive(Debug)]
 pub struct EventWrite {
     /// The event.
     pub event: NewEvent,
-    /// What makes it recognisable when it comes again.
+    /// Recognition of its repetitions.
     pub repetition: Repetition,
 }
 
-/// What one transaction writes.
+/// Batch of rows for one transaction.
 #[derive(Debug, Default)]
 pub struct Batch {
     /// Seconds of history, with their roll-ups.
     pub history: Vec<HistoryRow>,
-    /// Latest estimates, with when they were received, wall time ns.
+    /// Latest estimates and their receipt, wall time ns.
     pub current: Vec<(EstimateDocument, WallTime)>,
-    /// States of estimators.
+    /// Checkpoints of robots.
     pub checkpoints: Vec<CheckpointRecord>,
-    /// How well robots follow their paths.
+    /// Cross-track errors of robots.
     pub cross_tracks: Vec<CrossTrackRecord>,
     /// Events.
     pub events: Vec<EventWrite>,
-    /// Sessions and tokens that were used.
+    /// Uses of sessions and tokens.
     pub uses: Vec<CredentialUse>,
-    /// The tenures in which rows of robots were handed over; none where one service has all robots.
+    /// Tenures that rows of robots were queued under; empty for a single service.
     pub claims: BTreeMap<RobotId, ClaimId>,
 }
 
 impl Batch {
-    /// How many rows it has.
+    /// Number of its rows.
     pub fn rows(&self) -> usize {
         self.history.len()
             + self.current.len()
@@ -137,12 +137,12 @@ impl Batch {
             + self.uses.len()
     }
 
-    /// Whether there is nothing to write.
+    /// True if it has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows() == 0
     }
 
-    /// The robots that its rows are about, one for each row.
+    /// Robots of its rows, one for each row.
     fn robots(&self) -> impl Iterator<Item = &RobotId> {
         let history = self.history.iter().map(|row| &row.robot);
         let current = self.current.iter().map(|(estimate, _)| &estimate.robot);
@@ -153,7 +153,7 @@ impl Batch {
         of_estimators.chain(cross_tracks).chain(events)
     }
 
-    /// Takes out the rows of robots that are not to be `kept`.
+    /// Removes the rows of robots that are not to be `kept`.
     pub fn retain(&mut self, kept: impl Fn(&RobotId) -> bool) {
         self.history.retain(|row| kept(&row.robot));
         self.current.retain(|(estimate, _)| kept(&estimate.robot));
@@ -162,7 +162,7 @@ impl Batch {
         self.events.retain(|write| kept(&write.event.robot));
     }
 
-    /// Takes out its first rows, at most `rows_max`.
+    /// Removes and returns its first rows, at most `rows_max`.
     fn take_first(&mut self, rows_max: usize) -> Self {
         let mut room = rows_max;
         Self {
@@ -176,7 +176,7 @@ impl Batch {
         }
     }
 
-    /// Puts rows that were taken out in front again.
+    /// Puts removed rows back in front.
     fn put_back(&mut self, mut taken: Self) {
         let later = std::mem::take(self);
         taken.history.extend(later.history);
@@ -195,7 +195,7 @@ fn first<T>(rows: &mut Vec<T>, room: &mut usize) -> Vec<T> {
     rows.drain(..taken).collect()
 }
 
-/// Rows that are deleted because of their age.
+/// Kind of row that is deleted because of its age.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Aged {
     /// Seconds of history, by their receipt.
@@ -213,7 +213,7 @@ pub enum Aged {
 }
 
 impl Aged {
-    /// All of them.
+    /// Every kind.
     pub const ALL: [Self; 6] = [
         Self::Seconds,
         Self::Minutes,

@@ -1,4 +1,4 @@
-//! Part of one of several instances in what one service does alone.
+//! Part of an instance in work that a single service does alone.
 
 use std::collections::BTreeSet;
 use std::mem;
@@ -7,17 +7,17 @@ use std::sync::{Mutex, PoisonError};
 
 use fleetcal_proto::RobotId;
 
-/// The part that this process has.
+/// Part of this process.
 #[derive(Debug, Default)]
 pub(crate) struct Part {
-    /// Whether what is too old is deleted here.
+    /// True if old rows are deleted here.
     deletes: AtomicBool,
-    /// Robots that this process has begun to estimate, of which the writer does not know yet.
+    /// Robots that this process has begun to estimate and has not passed to the writer yet.
     adopted: Mutex<BTreeSet<RobotId>>,
 }
 
 impl Part {
-    /// That of a service which is alone, or of an instance that has nothing yet.
+    /// Makes the part of a service that is alone, or of an instance without any robot yet.
     pub(crate) fn new(is_alone: bool) -> Self {
         Self {
             deletes: AtomicBool::new(is_alone),

@@ -13,21 +13,21 @@ use crate::accounts::CredentialUse;
 use crate::counters::Lost;
 use crate::record::HistoryRow;
 
-/// What waits for the next transaction.
+/// Telemetry that waits for the next transaction.
 #[derive(Debug, Default)]
 pub(super) struct Pending {
     batch: Batch,
-    /// Latest estimates whose turn has not come.
+    /// Latest estimates that are not due yet.
     current: HashMap<RobotId, (EstimateDocument, WallTime)>,
-    /// When the stored estimate of each robot was last written, receipt time.
+    /// Last write of each robot's stored estimate, receipt time.
     current_written_ns: HashMap<RobotId, WallTime>,
-    /// The tenure in which each robot's rows were handed over.
+    /// Tenure that each robot's rows were queued under.
     claims: HashMap<RobotId, ClaimId>,
 }
 
 impl Pending {
-    /// Takes what was handed over under `claim`. Gives the rows of the robot's former tenures, which
-    /// have ended with this one's beginning and are not written any more.
+    /// Adds telemetry that was queued under `claim`. Returns the number of dropped rows: those of
+    /// the robot's former tenures, which ended with this one's begin.
     pub(super) fn take(&mut self, telemetry: Telemetry, claim: Option<ClaimId>) -> u64 {
         let dropped = match (telemetry.robot(), claim) {
             (Some(robot), Some(claim)) => self.begin(robot, claim),
@@ -37,7 +37,7 @@ impl Pending {
         dropped
     }
 
-    /// Takes out rows of a robot's tenures before this one; gives their number.
+    /// Drops rows of a robot's tenures before this one; returns their number.
     fn begin(&mut self, robot: &RobotId, claim: ClaimId) -> u64 {
         let former = self.claims.insert(robot.clone(), claim);
         if former.is_none_or(|former| former == claim) {
@@ -73,7 +73,7 @@ impl Pending {
         }
     }
 
-    /// Takes a second of history, which is the robot's latest estimate too.
+    /// Adds a second of history, which is the robot's latest estimate too.
     fn take_second(&mut self, estimate: EstimateDocument, received_ns: WallTime) {
         let robot = estimate.robot.clone();
         let row = HistoryRow::of(&robot, &estimate, received_ns);
@@ -81,14 +81,14 @@ impl Pending {
         self.current.insert(robot, (estimate, received_ns));
     }
 
-    /// Whether more has come than should wait.
+    /// True if more rows wait than should.
     pub(super) fn is_full(&self) -> bool {
         self.batch.history.len() >= limits::STORE_BATCH_MAX
     }
 
-    /// Takes the latest estimates whose turn has come into the batch: a robot's estimate is
-    /// replaced every few seconds, not every second, once it is learnt every minute, unless
-    /// `everything` is to be written.
+    /// Moves the latest estimates that are due to the batch: a robot's stored estimate is replaced
+    /// every few seconds while it is learnt, every minute afterwards, and at once if `everything`
+    /// is to be written.
     pub(super) fn choose_current(&mut self, everything: bool) {
         let written = &mut self.current_written_ns;
         let due = |estimate: &EstimateDocument, received_ns: WallTime| {
@@ -108,7 +108,7 @@ impl Pending {
         }
     }
 
-    /// Takes out what one transaction writes; `None` when nothing waits.
+    /// Removes and returns the rows of the next transaction; `None` without any.
     pub(super) fn next(&mut self) -> Option<Batch> {
         let mut batch = self.batch.take_first(limits::STORE_TELEMETRY_ROWS_MAX);
         if !self.claims.is_empty() {
@@ -121,8 +121,8 @@ impl Pending {
         (!batch.is_empty()).then_some(batch)
     }
 
-    /// Takes back what could not be written, and keeps the newest when there is too much. Gives the
-    /// rows that were lost.
+    /// Takes back rows that could not be written, and keeps the newest if there are too many.
+    /// Returns the lost rows.
     pub(super) fn take_back(&mut self, mut batch: Batch) -> Lost {
         batch.claims.clear();
         self.batch.put_back(batch);
@@ -141,12 +141,12 @@ impl Pending {
         }
     }
 
-    /// Rows that wait.
+    /// Number of waiting rows.
     pub(super) fn rows(&self) -> u64 {
         (self.batch.rows() + self.current.len()) as u64
     }
 
-    /// What is lost when nothing more is written.
+    /// Rows that are lost if nothing more is written.
     pub(super) fn left(&self) -> Lost {
         Lost {
             rows: self.rows(),
@@ -167,7 +167,7 @@ fn every_ns(estimate: &EstimateDocument) -> i64 {
     i64::try_from(every.as_nanos()).unwrap_or(i64::MAX)
 }
 
-/// Drops the oldest entries of a list that has outgrown its limit; gives their number.
+/// Drops the oldest entries of a list beyond its limit; returns their number.
 fn drop_oldest<T>(list: &mut Vec<T>) -> u64 {
     let lost = list.len().saturating_sub(limits::STORE_QUEUE_MAX);
     list.drain(..lost);

@@ -1,4 +1,4 @@
-//! Age of a row for retention: a stepped clock must not delete what is young.
+//! Age of a row for retention: a stepped clock must not delete young rows.
 
 use std::time::Duration;
 
@@ -7,19 +7,19 @@ use fleetcal_model::WallTime;
 
 const NS_PER_S: i64 = 1_000_000_000;
 
-/// Watches wall time against running time. A wall clock that was set forward makes every row look
-/// old, so nothing is deleted until it has stayed there for [`limits::CLOCK_STEP_BELIEVED_AFTER`],
-/// or was set back.
+/// Compares wall time with running time. A wall clock that was set forward makes every row look
+/// old, so nothing is deleted until the clock has stayed there for
+/// [`limits::CLOCK_STEP_BELIEVED_AFTER`], or was set back.
 #[derive(Debug, Default)]
 pub(super) struct Retention {
-    /// Wall time at which running time was zero, by the clock that is believed.
+    /// Wall time at which running time was zero, by the believed clock.
     believed_origin: Option<WallTime>,
-    /// Running time when the wall clock was found ahead of it.
+    /// Running time at which the wall clock was found ahead.
     stepped_at: Option<Duration>,
 }
 
 impl Retention {
-    /// Whether rows may be deleted by their age, at wall time `now` and running time `elapsed`.
+    /// True if rows may be deleted by their age, at wall time `now` and running time `elapsed`.
     pub(super) fn may_delete(&mut self, now: WallTime, elapsed: Duration) -> bool {
         let origin = now.minus(elapsed);
         let believed_origin = *self.believed_origin.get_or_insert(origin);

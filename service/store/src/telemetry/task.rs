@@ -1,5 +1,5 @@
-//! The task that writes telemetry: it gathers what comes within a second, and writes it in
-//! transactions so short that no job waits long for one.
+//! Task that writes telemetry: it gathers the rows of a second, and writes them in transactions so
+//! short that no job waits long for one.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -19,21 +19,21 @@ use crate::counters::{PathCounters, TelemetryCounters};
 use crate::error::StoreError;
 use crate::retry::{Retry, pause_until};
 
-/// Where somebody waits.
+/// Channel to a waiting caller.
 type Reply = oneshot::Sender<Result<(), StoreError>>;
 
-/// What the task is asked.
+/// Request to the task.
 #[derive(Debug)]
 pub(crate) enum Offered {
-    /// To keep something, with the tenure in which it was handed over.
+    /// Store a report, with the tenure that it was queued under.
     Keep(Telemetry, Option<ClaimId>),
-    /// To write everything that was offered before.
+    /// Write everything that was offered before.
     Flush(Reply),
-    /// The same, then to end.
+    /// Write everything that was offered before, then end.
     Close(Reply),
 }
 
-/// The task's state.
+/// State of the task.
 #[derive(Debug)]
 pub(crate) struct TelemetryTask<W> {
     writer: Box<W>,
@@ -44,7 +44,7 @@ pub(crate) struct TelemetryTask<W> {
     retry: Retry,
     retention: Retention,
     part: Arc<Part>,
-    /// Rows taken since a commit was last tried.
+    /// Rows received since a commit was last tried.
     taken: usize,
     flushes: Vec<Reply>,
     closers: Vec<Reply>,
@@ -73,7 +73,7 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
         }
     }
 
-    /// Writes until the store is closed or nobody holds it any more.
+    /// Writes until the store is closed or all its owners are gone.
     pub(crate) async fn run(mut self, mut offers: mpsc::Receiver<Offered>) {
         let mut tick = tokio::time::interval(limits::STORE_FLUSH_EVERY);
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -125,8 +125,8 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
         self.path.pending.store(rows, Ordering::Relaxed);
     }
 
-    /// Writes what waits, one short transaction after another. A failure is told to those who wait,
-    /// and is the result.
+    /// Writes the waiting rows, one short transaction after another. A failure is reported to
+    /// waiting callers, and returned.
     async fn write(&mut self) -> Option<StoreError> {
         self.taken = 0;
         let adopted = self.part.take_adopted();
@@ -176,7 +176,7 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
         self.path.failed(error);
     }
 
-    /// Deletes what is too old, one kind of row after another.
+    /// Deletes old rows, one kind after another.
     async fn prune(&mut self) {
         if !self.part.deletes() {
             return;
@@ -197,7 +197,7 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
         }
     }
 
-    /// Writes what is left, counts what cannot be written, and closes the database.
+    /// Writes the remaining rows, counts those that cannot be written, and closes the database.
     async fn finish(mut self, mut offers: mpsc::Receiver<Offered>) {
         offers.close();
         while let Some(offered) = offers.recv().await {
@@ -235,11 +235,11 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
 
 fn answer(reply: Reply, result: Result<(), StoreError>) {
     if reply.send(result).is_err() {
-        tracing::debug!("nobody waited for the end of a write any more");
+        tracing::debug!("the caller of a write no longer waits for its end");
     }
 }
 
-/// How long rows are kept, s.
+/// Time for which rows are kept, s.
 fn kept_s(aged: Aged) -> i64 {
     let kept: Duration = match aged {
         Aged::Seconds => limits::HISTORY_SECONDS_KEPT,

@@ -10,31 +10,31 @@ use crate::error::StoreError;
 /// Users; errors as in [`super::Records`].
 #[async_trait]
 pub trait AccountRecords {
-    /// How many users there are.
+    /// Number of users.
     async fn count_users(&mut self) -> Result<u32, StoreError>;
 
-    /// How many administrators can sign in.
+    /// Number of administrators who can sign in.
     async fn count_admins(&mut self) -> Result<u32, StoreError>;
 
-    /// One user.
+    /// Reads one user.
     async fn user(&mut self, id: UserId) -> Result<Option<UserRecord>, StoreError>;
 
-    /// The user of a name, upper or lower case.
+    /// Finds the user of a name, upper or lower case.
     async fn user_named(&mut self, name: &AccountName) -> Result<Option<UserRecord>, StoreError>;
 
-    /// Adds a user, whose number in the record does not count; gives the number.
+    /// Adds a user, whose number in the record is ignored; returns the assigned one.
     async fn add_user(&mut self, user: &UserRecord) -> Result<UserId, StoreError>;
 
-    /// Keeps a user who is there.
+    /// Updates an existing user.
     async fn save_user(&mut self, user: &UserRecord) -> Result<(), StoreError>;
 
     /// Deletes a user with the sessions.
     async fn delete_user(&mut self, id: UserId) -> Result<(), StoreError>;
 
-    /// Adds a code by which the first administrator can be made.
+    /// Adds a set-up code, with which the first administrator is created.
     async fn add_setup_code(&mut self, code: &SetupCode) -> Result<(), StoreError>;
 
-    /// Deletes all such codes but the `kept` that end last.
+    /// Deletes all set-up codes but the `kept` that end last.
     async fn keep_setup_codes(&mut self, kept: u32) -> Result<(), StoreError>;
 }
 
@@ -49,7 +49,7 @@ pub trait SessionRecords {
         now: WallTime,
     ) -> Result<(), StoreError>;
 
-    /// Deletes a session; gives its user.
+    /// Deletes a session; returns its user.
     async fn delete_session(&mut self, session: &SecretHash) -> Result<Option<UserId>, StoreError>;
 
     /// Deletes a user's sessions but `keep`.
@@ -74,23 +74,23 @@ pub trait SessionRecords {
 /// API tokens; errors as in [`super::Records`].
 #[async_trait]
 pub trait TokenRecords {
-    /// How many tokens there are, revoked ones included.
+    /// Number of tokens, revoked ones included.
     async fn count_tokens(&mut self) -> Result<u32, StoreError>;
 
-    /// One token.
+    /// Reads one token.
     async fn token(&mut self, id: TokenId) -> Result<Option<TokenRecord>, StoreError>;
 
-    /// The token of a name, upper or lower case, that counts at `now`.
+    /// Finds the token of a name, upper or lower case, that is valid at `now`.
     async fn token_named(
         &mut self,
         name: &AccountName,
         now: WallTime,
     ) -> Result<Option<TokenRecord>, StoreError>;
 
-    /// Adds a token, whose number in the record does not count; gives the number.
+    /// Adds a token, whose number in the record is ignored; returns the assigned one.
     async fn add_token(&mut self, token: &TokenRecord) -> Result<TokenId, StoreError>;
 
-    /// Keeps when a token was revoked.
+    /// Stores the time of a token's revocation.
     async fn save_token_revoked(
         &mut self,
         id: TokenId,

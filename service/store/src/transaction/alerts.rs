@@ -1,4 +1,4 @@
-//! Alerts and how they went.
+//! Alerts and their changes.
 
 use async_trait::async_trait;
 use fleetcal_domain::alert::{Alert, AlertKind, Subject};
@@ -10,26 +10,26 @@ use crate::error::StoreError;
 /// Alerts; errors as in [`super::Records`].
 #[async_trait]
 pub trait AlertRecords {
-    /// The alert of this kind that is not over.
+    /// Active alert of this kind: one that has not ended.
     async fn active_alert(
         &mut self,
         subject: &Subject,
         kind: AlertKind,
     ) -> Result<Option<Alert>, StoreError>;
 
-    /// One alert.
+    /// Reads one alert.
     async fn alert(&mut self, id: AlertId) -> Result<Option<Alert>, StoreError>;
 
-    /// Adds an alert; gives its number, which was never used before.
+    /// Adds an alert; returns its number, which was never used before.
     async fn add_alert(&mut self, alert: &Alert) -> Result<AlertId, StoreError>;
 
-    /// Keeps an alert that is there.
+    /// Updates an existing alert.
     async fn save_alert(&mut self, alert: &Alert) -> Result<(), StoreError>;
 
     /// Deletes an alert with its history.
     async fn delete_alert(&mut self, id: AlertId) -> Result<(), StoreError>;
 
-    /// Adds a change to an alert's history, of which the latest `kept` stay.
+    /// Adds a change to an alert's history, of which the latest `kept` remain.
     async fn add_alert_moment(
         &mut self,
         id: AlertId,

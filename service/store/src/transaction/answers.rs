@@ -6,7 +6,7 @@ use fleetcal_model::{RobotId, WallTime};
 use crate::error::StoreError;
 use crate::record::IdempotencyKey;
 
-/// Among which requests a key is one of a kind, and what the request made.
+/// Scope in which an idempotency key is unique, and the kind of record that its request created.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnswerScope<'a> {
     /// Notes about this robot: an event.
@@ -19,26 +19,26 @@ pub enum AnswerScope<'a> {
     Token,
 }
 
-/// An answer already given.
+/// Answer already given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Answer {
     /// SHA-256 of the request's body.
     pub request_sha256: [u8; 32],
-    /// The number of what it made.
+    /// Number of the created record.
     pub made: i64,
 }
 
 /// Answers already given; errors as in [`super::Records`].
 #[async_trait]
 pub trait AnswerRecords {
-    /// The answer given to a request with this key.
+    /// Finds the answer given to a request with this key.
     async fn answer(
         &mut self,
         scope: AnswerScope<'_>,
         key: &str,
     ) -> Result<Option<Answer>, StoreError>;
 
-    /// Keeps what a request has made.
+    /// Stores the record that a request created.
     async fn add_answer(
         &mut self,
         scope: AnswerScope<'_>,

@@ -1,4 +1,4 @@
-//! The life cycle's records, the deployment freeze, and the policy.
+//! Records of the life cycle, the deployment freeze, and the policy.
 
 use async_trait::async_trait;
 use fleetcal_domain::approval::{NextIds, Outcome, Proposal, RobotLedger};
@@ -8,35 +8,35 @@ use crate::approvals::DeploymentFreeze;
 use crate::error::StoreError;
 use crate::policy::StoredPolicy;
 
-/// The life cycle's records; errors as in [`super::Records`].
+/// Records of the life cycle; errors as in [`super::Records`].
 #[async_trait]
 pub trait ApprovalRecords {
-    /// One robot's records, with the document of generation `answered`.
+    /// Reads one robot's records, with the document of generation `answered`.
     async fn ledger(
         &mut self,
         robot: &RobotId,
         answered: Option<Generation>,
     ) -> Result<RobotLedger, StoreError>;
 
-    /// The numbers that new records get.
+    /// Numbers of the next records.
     async fn next_ids(&mut self) -> Result<NextIds, StoreError>;
 
-    /// One proposal.
+    /// Reads one proposal.
     async fn proposal(&mut self, id: ProposalId) -> Result<Option<Proposal>, StoreError>;
 
-    /// Keeps the records that a step leaves, its documents, and what is to be sent.
+    /// Stores the outcome of a step: records, documents and messages to send.
     async fn save_outcome(&mut self, outcome: &Outcome) -> Result<(), StoreError>;
 
-    /// The deployment freeze.
+    /// Reads the deployment freeze.
     async fn deployment_freeze(&mut self) -> Result<DeploymentFreeze, StoreError>;
 
-    /// Keeps the deployment freeze.
+    /// Stores the deployment freeze.
     async fn save_deployment_freeze(&mut self, freeze: &DeploymentFreeze)
     -> Result<(), StoreError>;
 
-    /// The policy that was set.
+    /// Reads the stored policy.
     async fn stored_policy(&mut self) -> Result<StoredPolicy, StoreError>;
 
-    /// Keeps the policy.
+    /// Stores the policy.
     async fn save_policy(&mut self, policy: &StoredPolicy) -> Result<(), StoreError>;
 }

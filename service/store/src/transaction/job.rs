@@ -10,34 +10,34 @@ use tokio::time::Instant;
 use super::Records;
 use crate::error::StoreError;
 
-/// Something that is done with records, wholly or not at all.
+/// Job on records, done wholly or not at all.
 ///
 /// A database may run a job more than once, for instance after a serialisation failure: each run
-/// begins with the records as they were, and only the last one counts. So a job changes nothing
-/// but the records, and what it needs of clocks and chance it brings along.
+/// begins with the records as they were, and only the last one counts. So a job changes nothing but
+/// the records, and brings along the times and random numbers that it needs.
 #[async_trait]
 pub trait Job: fmt::Debug + Send + Sync + 'static {
-    /// What whoever asked is told once it is committed.
+    /// Result for the caller once it is committed.
     type Done: Send + 'static;
 
-    /// Does it.
+    /// Runs the job.
     ///
     /// # Errors
     /// A refusal, or the database's failure; everything that this job wrote is undone.
     async fn run(&self, records: &mut dyn Records) -> Result<Self::Done, StoreError>;
 }
 
-/// A job that waits for its turn, with whoever waits for its end.
+/// Job that waits for its turn, with the caller that waits for its end.
 #[derive(Debug)]
 pub struct Waiting {
     job: Box<dyn Attempt>,
     asked_at: Instant,
-    /// How its own transaction ended, where it has one.
+    /// Outcome of its own transaction, if it has one.
     settled: Option<Result<(), StoreError>>,
 }
 
 impl Waiting {
-    /// A job, and where its end is told.
+    /// Makes a waiting job, and the channel of its outcome.
     pub fn new<J: Job>(job: J) -> (Self, oneshot::Receiver<Result<J::Done, StoreError>>) {
         let (reply, ended) = oneshot::channel();
         let job = Asked {
@@ -53,11 +53,11 @@ impl Waiting {
         (waiting, ended)
     }
 
-    /// Runs the job with these records. The caller undoes what it wrote when it fails; it may then
-    /// be run again.
+    /// Runs the job with these records. The caller undoes the writes of a failed job, which may
+    /// then be run again.
     ///
     /// # Errors
-    /// Those of the job, and [`StoreError::Late`] when whoever asked has been answered meanwhile: so
+    /// Those of the job, and [`StoreError::Late`] if the caller has been answered meanwhile: so
     /// nothing is changed long after its request was answered.
     pub async fn attempt(&mut self, records: &mut dyn Records) -> Result<(), StoreError> {
         if self.asked_at.elapsed() > limits::STORE_ANSWER_WITHIN {
@@ -67,19 +67,19 @@ impl Waiting {
         self.job.attempt(records).await
     }
 
-    /// Takes how a transaction ended that was this job's alone.
+    /// Sets the outcome of a transaction that was this job's alone.
     pub fn settle(&mut self, committed: Result<(), StoreError>) {
         self.settled = Some(committed);
     }
 
-    /// Tells whoever waits how it ended: as its last attempt did, if its transaction was committed.
-    /// That is the job's own where it had one, else the one that all shared.
+    /// Reports the outcome to the waiting caller: that of its last attempt, if its transaction was
+    /// committed. The transaction is the job's own, if it had one, or else the one that all shared.
     pub fn answer(self, committed: Result<(), StoreError>) {
         self.job.answer(self.settled.unwrap_or(committed));
     }
 }
 
-/// A job whose kind is forgotten.
+/// Job with its type erased.
 #[async_trait]
 trait Attempt: fmt::Debug + Send {
     async fn attempt(&mut self, records: &mut dyn Records) -> Result<(), StoreError>;
@@ -87,7 +87,7 @@ trait Attempt: fmt::Debug + Send {
     fn answer(self: Box<Self>, committed: Result<(), StoreError>);
 }
 
-/// A job, how its last attempt ended, and who waits.
+/// Job with the outcome of its last attempt and its waiting caller.
 struct Asked<J: Job> {
     job: J,
     done: Option<Result<J::Done, StoreError>>,
@@ -117,7 +117,7 @@ impl<J: Job> Attempt for Asked<J> {
         let done = self.done.unwrap_or(Err(StoreError::Closed));
         let answer = committed.and(done);
         if self.reply.send(answer).is_err() {
-            tracing::debug!("nobody waited for the end of a job any more");
+            tracing::debug!("the caller of a job no longer waits for its end");
         }
     }
 }

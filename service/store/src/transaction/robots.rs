@@ -10,10 +10,11 @@ use crate::record::{EventRecord, NewEvent, RobotRecord};
 /// Robots' configurations and histories; errors as in [`super::Records`].
 #[async_trait]
 pub trait RobotRecords {
-    /// One robot; `None` when the store has never heard of it.
+    /// Reads one robot; `None` if the store has no record of it.
     async fn robot(&mut self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError>;
 
-    /// Keeps a robot's configuration as `version`, changed at `now`, with who gave its drawing.
+    /// Stores a robot's configuration as `version`, changed at `now`, with the author of its
+    /// drawing.
     async fn save_config(
         &mut self,
         id: &RobotId,
@@ -23,9 +24,9 @@ pub trait RobotRecords {
         now: WallTime,
     ) -> Result<(), StoreError>;
 
-    /// An event by its number.
+    /// Reads an event by its number.
     async fn event(&mut self, id: EventId) -> Result<Option<EventRecord>, StoreError>;
 
-    /// Adds an event to its robot's history; gives its number.
+    /// Adds an event to its robot's history; returns its number.
     async fn add_event(&mut self, event: &NewEvent) -> Result<EventId, StoreError>;
 }

@@ -1,4 +1,4 @@
-//! The task that runs jobs, in the order of their arrival.
+//! Task that runs jobs, in the order of their arrival.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -13,16 +13,16 @@ use crate::counters::PathCounters;
 use crate::error::StoreError;
 use crate::retry::{Retry, pause_until};
 
-/// What the task is asked.
+/// Request to the task.
 #[derive(Debug)]
 pub(crate) enum Asked {
-    /// To run a job.
+    /// Run a job.
     Run(Waiting),
-    /// To run those that were asked for before, and end.
+    /// Run the jobs requested before, and end.
     Close(oneshot::Sender<Result<(), StoreError>>),
 }
 
-/// The task's state.
+/// State of the task.
 #[derive(Debug)]
 pub(crate) struct JobsTask<W> {
     writer: Box<W>,
@@ -43,7 +43,7 @@ impl<W: RecordWriter> JobsTask<W> {
         }
     }
 
-    /// Runs jobs until the store is closed or nobody holds it any more.
+    /// Runs jobs until the store is closed or all its owners are gone.
     pub(crate) async fn run(mut self, mut inbox: mpsc::Receiver<Asked>) {
         let mut asked = Vec::with_capacity(limits::STORE_JOBS_AT_ONCE_MAX);
         loop {
@@ -75,12 +75,12 @@ impl<W: RecordWriter> JobsTask<W> {
         }
         for closer in self.closers {
             if closer.send(closed.clone()).is_err() {
-                tracing::debug!("nobody waited for the store to close");
+                tracing::debug!("the caller no longer waits for the store to close");
             }
         }
     }
 
-    /// Runs the jobs that were taken and tells those who wait how they ended.
+    /// Runs the received jobs and reports their outcomes to the waiting callers.
     async fn commit(&mut self) {
         if self.jobs.is_empty() {
             return;

@@ -9,10 +9,10 @@ use crate::error::StoreError;
 /// Webhooks and their deliveries; errors as in [`super::Records`].
 #[async_trait]
 pub trait WebhookRecords {
-    /// Every webhook with what its messages are signed with, oldest first.
+    /// Reads every webhook with the secret of its messages, oldest first.
     async fn webhooks(&mut self) -> Result<Vec<(Webhook, Secret)>, StoreError>;
 
-    /// Adds a webhook; gives its number.
+    /// Adds a webhook; returns its number.
     async fn add_webhook(
         &mut self,
         webhook: &Webhook,
@@ -22,16 +22,16 @@ pub trait WebhookRecords {
     /// Deletes a webhook with its deliveries.
     async fn delete_webhook(&mut self, id: WebhookId) -> Result<(), StoreError>;
 
-    /// One delivery.
+    /// Reads one delivery.
     async fn delivery(&mut self, id: DeliveryId) -> Result<Option<Delivery>, StoreError>;
 
-    /// Adds a delivery, whose number does not count.
+    /// Adds a delivery, whose number is ignored.
     async fn add_delivery(&mut self, delivery: &Delivery) -> Result<(), StoreError>;
 
-    /// Keeps a delivery that is there.
+    /// Updates an existing delivery.
     async fn save_delivery(&mut self, delivery: &Delivery) -> Result<(), StoreError>;
 
-    /// Gives up all but the latest `kept` deliveries of a webhook that wait; gives their number.
+    /// Gives up all but the latest `kept` waiting deliveries of a webhook; returns their number.
     async fn give_up_deliveries(
         &mut self,
         webhook: WebhookId,
@@ -39,6 +39,6 @@ pub trait WebhookRecords {
         now: WallTime,
     ) -> Result<u64, StoreError>;
 
-    /// Deletes all but the latest `kept` deliveries of a webhook that do not wait.
+    /// Deletes all but the latest `kept` finished deliveries of a webhook.
     async fn forget_deliveries(&mut self, webhook: WebhookId, kept: u32) -> Result<(), StoreError>;
 }

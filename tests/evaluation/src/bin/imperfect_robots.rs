@@ -13,13 +13,14 @@ use fleetcal_evaluation::results::{Figure, Origin, Results};
 use fleetcal_evaluation::study::imperfect_robots;
 use fleetcal_robot::simulator::Strength;
 
-/// Drives imperfect robots and tells how many claims were false and how far a change went unseen.
+/// Drives imperfect robots and reports the numbers of false claims and the distances over which a
+/// change went unseen.
 ///
 /// Every cell is one imperfection at one strength on one route. Equal seeds give equal numbers.
 #[derive(Debug, Parser)]
 #[command(name = "imperfect_robots")]
 struct Arguments {
-    /// Imperfections by name, `none` or `all`; every one when none is given.
+    /// Imperfections by name, `none` or `all`; every one by default.
     #[arg(long, value_delimiter = ',')]
     only: Vec<String>,
     /// `typical` or `strong` alone. Changes happen on typical robots unless this is `strong`.
@@ -35,24 +36,24 @@ struct Arguments {
     /// `mount_y_10mm`.
     #[arg(long, value_delimiter = ',')]
     change: Vec<InjectedChange>,
-    /// What the LiDAR sends; by default poses, and scans for imperfections of single beams and
-    /// for all at once.
+    /// LiDAR stream; by default poses, and scans for imperfections of single beams and for all at
+    /// once.
     #[arg(long)]
     sensor: Option<Sensor>,
     /// Robots of each cell.
     #[arg(long, default_value_t = 8)]
     seeds: u64,
-    /// Robots of each cell with a change; as many as of others by default.
+    /// Robots of each cell with a change; by default as many as of others.
     #[arg(long)]
     change_seeds: Option<u64>,
-    /// Seed of the first one.
+    /// Seed of the first robot.
     #[arg(long, default_value_t = 1)]
     first_seed: u64,
-    /// Length of an unchanged robot's run, s: claims are looked at after 60, 120, 180 and 600 s.
+    /// Length of an unchanged robot's run, s: claims are evaluated after 60, 120, 180 and 600 s.
     #[arg(long, default_value_t = 600.0)]
     length: f64,
-    /// From when on the estimator takes the robots' messages, s: later than 0 it begins while they drive. All
-    /// other times count from the robots' start on.
+    /// Time from which the estimator receives the robots' messages, s: later than 0 it begins while
+    /// they drive. All other times count from the robots' start on.
     #[arg(long, default_value_t = 0.0, value_parser = seconds)]
     heard_from: f64,
     /// Ways between which changes happen, m, as `22,46`; after two to five minutes by default.
@@ -68,7 +69,7 @@ struct Arguments {
     /// Writes the figures of each cell into this file of `docs/results/data`, as JSON lines.
     #[arg(long, requires = "commit", requires = "date")]
     figures: Option<PathBuf>,
-    /// Commit that is measured, for the figures.
+    /// Measured commit, for the figures.
     #[arg(long)]
     commit: Option<String>,
     /// Day of the run, for the figures.
@@ -153,7 +154,7 @@ impl Arguments {
         named && strength.is_none_or(|strength| flaw.strength() == strength || flaw == Flaw::Clean)
     }
 
-    /// Poses unless beams matter; `None` for beams on a robot that has to send poses.
+    /// Returns poses unless beams matter; `None` for beams on a robot that has to send poses.
     fn sensor_for(&self, flaw: Flaw) -> Option<Sensor> {
         match (self.sensor, flaw.needs_scans()) {
             (Some(Sensor::Poses), true) => None,
@@ -244,7 +245,7 @@ fn campaign(arguments: &Arguments, cells: &[Cell]) -> Result<(), EvaluationError
     })
 }
 
-/// Writes the figures, with where they come from.
+/// Writes the figures with their origin.
 fn keep(arguments: &Arguments, path: &Path, figures: Vec<Figure>) -> Result<(), EvaluationError> {
     let flags = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
     let command = flags.split(" --figures").next().unwrap_or_default();

@@ -13,21 +13,21 @@ use super::outcome::Outcome;
 use super::run::{Watch, run};
 use crate::error::EvaluationError;
 
-/// One finished run, as a line of a results file.
+/// Finished run, as a line of a results file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Finished {
-    /// What was driven.
+    /// Cell of the run.
     pub cell: Cell,
-    /// By the robot of which seed.
+    /// Seed of the robot.
     pub seed: u64,
-    /// How long it was driven and watched.
+    /// Duration and observation of the run.
     #[serde(flatten)]
     pub watch: Watch,
-    /// What it ended with.
+    /// Outcome of the run.
     pub outcome: Outcome,
 }
 
-/// Cells and seeds, and the results of those that were run already.
+/// Cells and seeds, and the results of finished runs.
 #[derive(Debug, Default)]
 pub struct Campaign {
     watch: Watch,
@@ -36,7 +36,7 @@ pub struct Campaign {
 }
 
 impl Campaign {
-    /// A campaign whose robots are watched like this, without a results file.
+    /// Makes a campaign with this observation, without a results file.
     pub fn new(watch: Watch) -> Self {
         Self {
             watch,
@@ -44,11 +44,11 @@ impl Campaign {
         }
     }
 
-    /// The same with a results file: its runs are taken over, and new ones are appended. Runs that were
-    /// watched otherwise are left alone. A last line that was cut off is run again.
+    /// Adds a results file: its runs are reused, and new ones are appended. Runs with another
+    /// observation are ignored. A truncated last line is run again.
     ///
     /// # Errors
-    /// When the file can neither be read nor made.
+    /// When the file can neither be read nor created.
     pub fn resumed(watch: Watch, path: &Path) -> Result<Self, EvaluationError> {
         let failed = |source| EvaluationError::Written {
             path: path.to_owned(),
@@ -77,16 +77,16 @@ impl Campaign {
         Ok(campaign)
     }
 
-    /// How many runs it knows the outcome of.
+    /// Returns the number of runs with a known outcome.
     #[cfg(test)]
     pub fn finished_runs(&self) -> usize {
         self.finished.len()
     }
 
-    /// The outcomes of a cell, one for each seed in order; those not known yet are run.
+    /// Returns the outcomes of a cell, one for each seed in order; unknown ones are run.
     ///
     /// # Errors
-    /// Whatever a run ends with, and when its result cannot be kept.
+    /// The error of a run, or of keeping its result.
     pub fn outcomes(&mut self, cell: Cell, seeds: &[u64]) -> Result<Vec<Outcome>, EvaluationError> {
         let missing: Vec<u64> = seeds
             .iter()
@@ -118,7 +118,7 @@ impl Campaign {
     }
 }
 
-/// One line, in one write: runs of other threads cannot come in between.
+/// Appends one line in one write: runs of other threads cannot come in between.
 fn append(path: &Path, mut file: &File, run: &Finished) -> Result<(), EvaluationError> {
     let failed = |source| EvaluationError::Written {
         path: path.to_owned(),

@@ -6,11 +6,11 @@ use std::str::FromStr;
 use fleetcal_robot::simulator::{ImperfectionKind, Imperfections, Point, Route, Strength};
 use serde::{Deserialize, Serialize};
 
-/// What is wrong with a robot.
+/// Imperfection of a robot in the campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Flaw {
-    /// Nothing.
+    /// No imperfection.
     Clean,
     /// One imperfection.
     One(ImperfectionKind, Strength),
@@ -19,7 +19,7 @@ pub enum Flaw {
 }
 
 impl Flaw {
-    /// No imperfection, each single one at both strengths, and all at once.
+    /// Returns no imperfection, each single one at both strengths, and all at once.
     pub fn all() -> Vec<Self> {
         let sized = |kind: &ImperfectionKind, strength: &Strength| {
             kind.has_size() || *strength == Strength::Typical
@@ -36,7 +36,7 @@ impl Flaw {
             .collect()
     }
 
-    /// The name that `--only` takes.
+    /// Returns the name for `--only`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Clean => "none",
@@ -45,7 +45,7 @@ impl Flaw {
         }
     }
 
-    /// `typical` or `strong`; `-` on a clean robot.
+    /// Returns `typical` or `strong`; `-` for a clean robot.
     pub const fn strength(self) -> &'static str {
         match self {
             Self::Clean => "-",
@@ -54,7 +54,7 @@ impl Flaw {
         }
     }
 
-    /// Whether a robot has to send scans to show it.
+    /// True if a robot has to send scans to show it.
     pub const fn needs_scans(self) -> bool {
         match self {
             Self::One(kind, _) => kind.needs_scans(),
@@ -62,7 +62,7 @@ impl Flaw {
         }
     }
 
-    /// The imperfections of the robot of a seed.
+    /// Returns the imperfections of the robot of a seed.
     pub fn imperfections(self, seed: u64, sensor: Sensor) -> Imperfections {
         match self {
             Self::Clean => Imperfections::default(),
@@ -72,7 +72,7 @@ impl Flaw {
     }
 }
 
-/// Where it drives.
+/// Route of a robot in the campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Road {
@@ -85,13 +85,13 @@ pub enum Road {
 }
 
 impl Road {
-    /// All of them.
+    /// All routes.
     pub const ALL: [Self; 3] = [Self::Eight, Self::Aisles, Self::Left];
 
-    /// Those with turns to both sides.
+    /// Routes with turns to both sides.
     pub const TWO_SIDED: [Self; 2] = [Self::Eight, Self::Aisles];
 
-    /// Its name.
+    /// Returns its name.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Eight => "eight",
@@ -100,7 +100,7 @@ impl Road {
         }
     }
 
-    /// The route.
+    /// Returns the route.
     pub fn route(self) -> Route {
         match self {
             Self::Eight => Route::staging_figure_eight(),
@@ -110,7 +110,7 @@ impl Road {
     }
 }
 
-/// What the LiDAR sends.
+/// LiDAR stream of a robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sensor {
@@ -121,7 +121,7 @@ pub enum Sensor {
 }
 
 impl Sensor {
-    /// Its name.
+    /// Returns its name.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Poses => "poses",
@@ -130,7 +130,7 @@ impl Sensor {
     }
 }
 
-/// What changes on the vehicle.
+/// Injected change of the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum InjectedChange {
@@ -145,7 +145,7 @@ pub enum InjectedChange {
 }
 
 impl InjectedChange {
-    /// All of them.
+    /// All changes.
     pub const ALL: [Self; 4] = [
         Self::Steering,
         Self::MountYaw,
@@ -153,7 +153,7 @@ impl InjectedChange {
         Self::MountSideways,
     ];
 
-    /// Its name.
+    /// Returns its name.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Steering => "steering_0.5deg",
@@ -164,21 +164,21 @@ impl InjectedChange {
     }
 }
 
-/// How fast it drives after a change and before.
+/// Speed before and after a change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Speed {
-    /// 0.3 m/s.
+    /// Speed of 0.3 m/s.
     Slow,
-    /// 1 m/s.
+    /// Speed of 1 m/s.
     Fast,
 }
 
 impl Speed {
-    /// Both.
+    /// Both speeds.
     pub const ALL: [Self; 2] = [Self::Slow, Self::Fast];
 
-    /// The speed, m/s.
+    /// Returns the speed, m/s.
     pub const fn mps(self) -> f64 {
         match self {
             Self::Slow => 0.3,
@@ -196,7 +196,7 @@ pub struct Place {
     pub row: String,
 }
 
-/// What is looked at.
+/// Scenario of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scenario {
@@ -207,7 +207,7 @@ pub enum Scenario {
 }
 
 impl Scenario {
-    /// All of them.
+    /// Returns all scenarios.
     pub fn all() -> Vec<Self> {
         let changed = InjectedChange::ALL
             .into_iter()
@@ -225,21 +225,22 @@ impl fmt::Display for Scenario {
     }
 }
 
-/// What the runs of one row of a table have in common.
+/// Common properties of the runs of one row of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Cell {
-    /// What is wrong with the robot.
+    /// Imperfection of the robot.
     pub flaw: Flaw,
-    /// Where it drives.
+    /// Its route.
     pub road: Road,
-    /// What its LiDAR sends.
+    /// Its LiDAR stream.
     pub sensor: Sensor,
-    /// What is looked at.
+    /// Its scenario.
     pub scenario: Scenario,
 }
 
 impl Cell {
-    /// The place of its figures: unchanged robots by imperfection, changes by change, route and speed.
+    /// Returns the place of its figures: unchanged robots by imperfection, changes by change, route
+    /// and speed.
     pub fn place(&self) -> Place {
         let sensor = self.sensor.name();
         match self.scenario {
@@ -282,7 +283,7 @@ impl fmt::Display for Cell {
     }
 }
 
-/// A word that names no such thing.
+/// Error of an unknown name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("got {got:?}, expected one of {expected}")]
 pub struct UnknownName {

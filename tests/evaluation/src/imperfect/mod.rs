@@ -18,5 +18,6 @@ pub use campaign::{Campaign, Finished};
 pub use cell::{Cell, Flaw, InjectedChange, Place, Road, Scenario, Sensor, Speed};
 pub use extent::ImperfectExtent;
 pub use outcome::{ChangeOutcome, ClaimsOutcome, Flagged, Outcome, Snapshot};
+pub use robot::robot;
 pub use run::{Watch, run};
 pub use summary::Summary;

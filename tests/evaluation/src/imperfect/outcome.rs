@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::drive::{FOUR, error_of};
 
-/// A false claim is `converged` and farther off than this many of its own sigmas.
+/// Number of its own sigmas beyond which the error of a `converged` parameter is a false claim.
 pub const FALSE_SIGMAS: f64 = 4.0;
 
 /// The four parameters at one moment: x, y, yaw, steering offset; m and rad.
@@ -15,19 +15,18 @@ pub const FALSE_SIGMAS: f64 = 4.0;
 pub struct Snapshot {
     /// Time, s.
     pub at_s: f64,
-    /// Estimates less truth.
+    /// Estimates minus truth.
     pub errors: [f64; 4],
     /// Published standard deviations.
     pub sigmas: [f64; 4],
-    /// Whether each was called converged.
+    /// True for each parameter with the status converged.
     pub converged: [bool; 4],
-    /// Normalised error squared over the four: by the published sigmas alone, as long as no
-    /// covariance is published.
+    /// Normalised error squared over the four, by the published sigmas alone.
     pub nees: f64,
 }
 
 impl Snapshot {
-    /// The estimate of a moment against the truth.
+    /// Compares the estimate of a moment with the truth.
     pub fn of(at_s: f64, estimate: &Estimate, truth: &TrueParameters) -> Self {
         let each = |of: &dyn Fn(Parameter) -> f64| FOUR.map(of);
         let errors = each(&|p| error_of(p, estimate.parameter(p).value, truth));
@@ -42,7 +41,7 @@ impl Snapshot {
         }
     }
 
-    /// Largest error in sigmas of those called converged; 0 when none is.
+    /// Returns the largest error in sigmas of the converged parameters; 0 without any.
     pub fn worst_claim(&self) -> f64 {
         (0..FOUR.len())
             .filter(|&i| self.converged[i])
@@ -50,76 +49,77 @@ impl Snapshot {
             .fold(0.0, f64::max)
     }
 
-    /// Whether one of the four is claimed falsely.
+    /// True if one of the four is claimed falsely.
     pub fn is_false(&self) -> bool {
         self.worst_claim() > FALSE_SIGMAS
     }
 
-    /// Whether all four are called converged.
+    /// True if all four are converged.
     pub fn all_converged(&self) -> bool {
         self.converged == [true; 4]
     }
 }
 
-/// A change or fault that was flagged.
+/// A detected change or fault.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Flagged {
-    /// When, s.
+    /// Time of the detection, s.
     pub at_s: f64,
     /// A change or a fault.
     pub kind: ChangeKind,
-    /// What it was put down to.
+    /// Cause that it was attributed to.
     pub cause: Cause,
 }
 
-/// What an unchanged robot's run ended with.
+/// Outcome of an unchanged robot's run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClaimsOutcome {
-    /// At 60, 120, 180 and 600 s, as far as the run went.
+    /// Snapshots at 60, 120, 180 and 600 s, as far as the run went.
     pub snapshots: Vec<Snapshot>,
-    /// Largest error in sigmas of a parameter called converged, at any time.
+    /// Largest error in sigmas of a converged parameter, at any time.
     pub worst_claim: f64,
-    /// When all four were called converged for the first time, s.
+    /// Time at which all four were converged first, s.
     pub converged_s: Option<f64>,
-    /// What was flagged although nothing had changed.
+    /// Detections although nothing had changed.
     pub flagged: Vec<Flagged>,
     /// Length of the run, s.
     pub length_s: f64,
 }
 
-/// What the run of a robot that changes ended with.
+/// Outcome of the run of a robot that changes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ChangeOutcome {
-    /// When it changed, s.
+    /// Time of the change, s.
     pub changed_s: f64,
-    /// The four just before.
+    /// Snapshot just before.
     pub before: Option<Snapshot>,
-    /// What was flagged before.
+    /// Detections before.
     pub too_early: Vec<Flagged>,
-    /// The first change that was flagged afterwards, and how far the robot had driven since, m.
+    /// First change that was detected afterwards, and the distance driven since, m.
     pub flag: Option<(Flagged, f64)>,
-    /// Faults that were flagged afterwards.
+    /// Faults that were detected afterwards.
     pub faults: Vec<Flagged>,
-    /// Way driven after the change until the robot pointed 45° away from where it pointed then, m.
+    /// Distance driven after the change until the robot's heading had turned by 45°, m.
     // A run of before this was told is run again.
     #[serde(deserialize_with = "Option::deserialize")]
     pub turned_m: Option<f64>,
-    /// Way driven after the change, m.
+    /// Distance driven after the change, m.
     pub driven_m: f64,
-    /// Estimates told after the change, and how many of them held a false claim.
+    /// Number of estimates published after the change, and of those with a false claim.
     pub told: [u32; 2],
-    /// Estimates told later than 20 m after the change, and how many of them held a false claim.
+    /// Number of estimates published later than 20 m after the change, and of those with a false
+    /// claim.
     pub told_late: [u32; 2],
-    /// The four at the end.
+    /// Snapshot at the end.
     pub end: Option<Snapshot>,
 }
 
-/// What a run ended with.
+/// Outcome of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// Of an unchanged robot.
+    /// Outcome of an unchanged robot.
     Claims(ClaimsOutcome),
-    /// Of a robot that changed.
+    /// Outcome of a robot that changed.
     Change(Box<ChangeOutcome>),
 }

@@ -20,7 +20,8 @@ const BEAMS: u32 = 720;
 const BEFORE_CHANGE_S: [(Speed, f64, f64); 2] =
     [(Speed::Slow, 180.0, 90.0), (Speed::Fast, 120.0, 40.0)];
 
-/// The robot, and when its change is due (s): between two ways (m), where these are told.
+/// Makes the robot; returns it with the time of its change (s): between two distances (m), if these
+/// are given.
 pub fn robot(cell: Cell, seed: u64, changed_within_m: Option<(f64, f64)>) -> (Robot, Option<f64>) {
     let mut random = StdRng::seed_from_u64(seed);
     let mut simulation = SimulationConfig::figure_eight(seed);
@@ -84,7 +85,8 @@ fn steady(speed: Speed) -> SpeedProfile {
     }
 }
 
-/// When the change happens, s: anywhere on the lap, or between two ways, `part` of 0 to 1.
+/// Returns the time of the change, s: anywhere on the lap, or between two distances, `part` of 0 to
+/// 1.
 fn change_at_s(speed: Speed, part: f64, within_m: Option<(f64, f64)>) -> f64 {
     if let Some((first_m, last_m)) = within_m {
         return (first_m + part * (last_m - first_m)) / speed.mps();
@@ -93,7 +95,7 @@ fn change_at_s(speed: Speed, part: f64, within_m: Option<(f64, f64)>) -> f64 {
     of_speed.map_or(120.0, |(_, first_s, lap_s)| first_s + part * lap_s)
 }
 
-/// The change: its sign, or the direction it moves the LiDAR in, by `turn` of -pi to pi.
+/// Makes the change: its sign, or the direction it moves the LiDAR in, by `turn` of -pi to pi.
 fn injected(change: InjectedChange, turn: f64) -> Change {
     let half_degree_rad = 0.5_f64.to_radians() * turn.signum();
     match change {

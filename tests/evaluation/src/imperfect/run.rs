@@ -15,33 +15,33 @@ use super::robot::robot;
 use crate::drive::{Robot, Seen, drive_watched};
 use crate::error::EvaluationError;
 
-/// When an unchanged robot's claims are looked at, s.
+/// Times at which an unchanged robot's claims are evaluated, s.
 pub const CLAIMS_AT_S: [f64; 4] = [60.0, 120.0, 180.0, 600.0];
-/// How far a robot drives on after a change, m.
+/// Distance that a robot drives after a change, m.
 pub const AFTER_CHANGE_M: f64 = 40.0;
-/// From here on after a change the alarm has had its time, m.
+/// Distance after a change from which the alarm is due, m.
 const ALARM_AFTER_M: f64 = 20.0;
-/// A LiDAR that moved shows in turns alone: by so much of one, rad, 20 mm are 15 mm between two poses,
-/// `2 sin(turn / 2)` of it.
+/// Turn in which a moved LiDAR shows, rad: 20 mm become 15 mm between two poses, `2 sin(turn / 2)`
+/// of it.
 const TURNED_RAD: f64 = FRAC_PI_4;
-/// No run is longer than this after a change, s: a robot that drives slower is stopped.
+/// Longest duration of a run after a change, s: a slower robot is stopped.
 const AFTER_CHANGE_MAX_S: f64 = 400.0;
 
-/// How long robots are driven, and watched.
+/// Duration of the robots' drives, and of their observation.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Watch {
     /// Length of an unchanged robot's run, s.
     pub length_s: f64,
-    /// From when on the estimator takes the robot's messages, s: 0 from its start at rest on.
+    /// Time from which the estimator receives the robot's messages, s: 0 from its start at rest on.
     #[serde(default)]
     pub heard_from_s: f64,
-    /// Ways between which a change happens, m; `None` after two to five minutes.
+    /// Distances between which a change happens, m; `None` after two to five minutes.
     #[serde(default)]
     pub changed_within_m: Option<(f64, f64)>,
 }
 
 impl Watch {
-    /// From the robot's start on.
+    /// Observes from the robot's start on.
     pub fn whole(length_s: f64) -> Self {
         Self {
             length_s,
@@ -66,7 +66,7 @@ pub fn run(cell: Cell, seed: u64, watch: Watch) -> Result<Outcome, EvaluationErr
     }
 }
 
-/// What an estimator flagged that began this late: it counts from its first message on.
+/// Converts a detection of an estimator that began this late: it counts from its first message on.
 fn flagged(change: &Change, heard_from_s: f64) -> Flagged {
     Flagged {
         at_s: heard_from_s + change.time_s,
@@ -163,7 +163,7 @@ fn watch_claims(
     outcome.end = Some(snapshot);
 }
 
-/// Sorts what was flagged: before the change, the first change after it, and faults.
+/// Sorts the detections: before the change, the first change after it, and faults.
 fn sort_flags(outcome: &mut ChangeOutcome, flags: impl Iterator<Item = Flagged>, way: &Way) {
     for flagged in flags {
         if flagged.at_s < outcome.changed_s {
@@ -176,16 +176,16 @@ fn sort_flags(outcome: &mut ChangeOutcome, flags: impl Iterator<Item = Flagged>,
     }
 }
 
-/// The way driven since the change, each second of it.
+/// Distance driven since the change, at each second.
 #[derive(Debug, Default)]
 struct Way {
     last_s: Option<f64>,
     since_change_m: f64,
-    /// Time, s, and way since the change, m.
+    /// Time, s, and distance since the change, m.
     marks: Vec<(f64, f64)>,
-    /// Where the robot pointed at the change, rad.
+    /// Heading of the robot at the change, rad.
     yaw_rad: Option<f64>,
-    /// The way until it had turned by [`TURNED_RAD`] from there, m.
+    /// Distance until its heading had turned by [`TURNED_RAD`], m.
     turned_m: Option<f64>,
 }
 
@@ -209,7 +209,7 @@ impl Way {
         }
     }
 
-    /// The way driven until a time, m.
+    /// Returns the distance driven until a time, m.
     fn at_m(&self, time_s: f64) -> f64 {
         let after = self.marks.partition_point(|(at_s, _)| *at_s < time_s);
         self.marks

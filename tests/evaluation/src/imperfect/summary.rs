@@ -8,14 +8,14 @@ use super::run::CLAIMS_AT_S;
 use crate::results::{Figure, Value};
 use crate::statistics::{Proportion, Rate, mean};
 
-/// Errors that a robot with an imperfection may have after 180 s: x, y, yaw, steering offset.
+/// Largest errors of a robot with an imperfection after 180 s: x, y, yaw, steering offset.
 pub const BOUNDS: [f64; 4] = [
     0.003,
     0.005,
     0.03 / 180.0 * std::f64::consts::PI,
     0.02 / 180.0 * std::f64::consts::PI,
 ];
-/// When convergence and errors are looked at, s.
+/// Time at which convergence and errors are evaluated, s.
 const CONVERGED_AT_S: f64 = 180.0;
 
 /// Pooled outcomes of one cell, or of many.
@@ -39,7 +39,7 @@ impl Summary {
         }
     }
 
-    /// The pooled outcomes of one cell.
+    /// Makes the pooled outcomes of one cell.
     pub fn of(cell: Cell, outcomes: &[Outcome]) -> Self {
         let mut summary = Self::default();
         summary.add(cell, outcomes);
@@ -53,37 +53,36 @@ impl Summary {
             .filter_map(move |run| run.snapshots.iter().find(at))
     }
 
-    /// Runs that hold a false claim at a time, of those that got there.
+    /// Counts the runs with a false claim at a time, of those that got there.
     pub fn false_claims_at(&self, at_s: f64) -> Proportion {
         Proportion::count(self.snapshots_at(at_s), |snapshot| snapshot.is_false())
     }
 
-    /// Runs that hold a false claim at one of the four times.
+    /// Counts the runs with a false claim at one of the four times.
     pub fn false_claims(&self) -> Proportion {
         let at_any = |run: &&ClaimsOutcome| run.snapshots.iter().any(Snapshot::is_false);
         Proportion::count(self.claims.iter(), |run| at_any(run))
     }
 
-    /// Runs that hold a false claim in any of the estimates they tell.
+    /// Counts the runs with a false claim in any published estimate.
     pub fn false_claims_ever(&self) -> Proportion {
         Proportion::count(self.claims.iter(), |run| {
             run.worst_claim > super::outcome::FALSE_SIGMAS
         })
     }
 
-    /// Largest error in sigmas of a parameter called converged, at one of the four times.
+    /// Returns the largest error in sigmas of a converged parameter, at one of the four times.
     pub fn worst_claim(&self) -> f64 {
         let all = self.claims.iter().flat_map(|run| &run.snapshots);
         all.map(Snapshot::worst_claim).fold(0.0, f64::max)
     }
 
-    /// Runs of which all four are called converged after 180 s.
+    /// Counts the runs with all four converged after 180 s.
     pub fn converged(&self) -> Proportion {
         Proportion::count(self.snapshots_at(CONVERGED_AT_S), |s| s.all_converged())
     }
 
-    /// Runs of which all four are called converged after 180 s and are within 3 mm, 5 mm, 0.03°
-    /// and 0.02°.
+    /// Counts the runs with all four converged after 180 s and within 3 mm, 5 mm, 0.03° and 0.02°.
     pub fn converged_within_bounds(&self) -> Proportion {
         Proportion::count(self.snapshots_at(CONVERGED_AT_S), |snapshot| {
             let sizes = snapshot.errors.iter().zip(BOUNDS);
@@ -91,7 +90,8 @@ impl Summary {
         })
     }
 
-    /// Errors after 180 s, root of the mean square: x, y (m), yaw, steering offset (rad).
+    /// Returns the errors after 180 s, root of the mean square: x, y (m), yaw, steering offset
+    /// (rad).
     pub fn rms_errors(&self) -> [f64; 4] {
         [0, 1, 2, 3].map(|i| {
             let squares: Vec<_> = self
@@ -102,8 +102,8 @@ impl Summary {
         })
     }
 
-    /// Median time until all four are called converged for the first time, s; infinite when half
-    /// of the runs never get there.
+    /// Returns the median time until all four are converged first, s; infinite if half of the runs
+    /// never get there.
     pub fn converged_after_s(&self) -> f64 {
         let mut times: Vec<_> = self
             .claims
@@ -113,12 +113,13 @@ impl Summary {
         quantile(&mut times, 0.5)
     }
 
-    /// Mean normalised error squared of what is published; 4 is right.
+    /// Returns the mean normalised error squared of the published estimates; its expectation is 4.
     pub fn nees_at(&self, at_s: f64) -> f64 {
         mean(&self.snapshots_at(at_s).map(|s| s.nees).collect::<Vec<_>>())
     }
 
-    /// Changes and faults that were flagged on unchanged robots and before a change, an hour.
+    /// Returns the rate of changes and faults detected on unchanged robots and before a change,
+    /// 1/h.
     pub fn false_changes(&self) -> Rate {
         let hours = |seconds: f64| seconds / 3600.0;
         let unchanged = self
@@ -137,12 +138,12 @@ impl Summary {
         rate
     }
 
-    /// Changes that were not flagged within the 40 m after them.
+    /// Counts the changes that were not detected within the 40 m after them.
     pub fn missed(&self) -> Proportion {
         Proportion::count(self.changes.iter(), |(_, run)| run.flag.is_none())
     }
 
-    /// Flagged changes that were put down to another cause.
+    /// Counts the detected changes with another cause.
     pub fn wrong_cause(&self) -> Proportion {
         let flags = self
             .changes
@@ -151,8 +152,8 @@ impl Summary {
         Proportion::count(flags, |(injected, flag)| !is_right(*injected, flag))
     }
 
-    /// Way driven from a change to its flag with the right cause, m: the share of changes that are
-    /// flagged by then is `share`. Infinite when fewer are flagged at all.
+    /// Returns the distance from a change to its detection with the right cause, m, by which
+    /// `share` of the changes are detected. Infinite if fewer are detected at all.
     pub fn flagged_after_m(&self, share: f64) -> f64 {
         let mut ways: Vec<_> = self
             .changes
@@ -165,8 +166,8 @@ impl Summary {
         quantile(&mut ways, share)
     }
 
-    /// Way driven from a change until the robot pointed 45° away from where it pointed then, m: the share of
-    /// robots that have turned by then is `share`. Infinite when fewer turned at all.
+    /// Returns the distance from a change until the robot's heading had turned by 45°, m, by which
+    /// `share` of the robots have turned. Infinite if fewer turned at all.
     pub fn turned_after_m(&self, share: f64) -> f64 {
         let ways = self.changes.iter();
         let mut ways: Vec<_> = ways
@@ -175,13 +176,13 @@ impl Summary {
         quantile(&mut ways, share)
     }
 
-    /// Runs that still hold a false claim more than 20 m after a change.
+    /// Counts the runs with a false claim more than 20 m after a change.
     pub fn false_claims_after_change(&self) -> Proportion {
         let driven = self.changes.iter().filter(|(_, run)| run.told_late[0] > 0);
         Proportion::count(driven, |(_, run)| run.told_late[1] > 0)
     }
 
-    /// The figures of pooled cells, at their place among the results.
+    /// Returns the figures of pooled cells, at their place among the results.
     pub fn figures(&self, place: &Place) -> Vec<Figure> {
         let figures = if self.changes.is_empty() {
             self.claim_figures()
@@ -231,7 +232,7 @@ impl Summary {
         ]
     }
 
-    /// The cell in one line.
+    /// Formats the cell in one line.
     pub fn line(&self, cell: Cell) -> String {
         match cell.scenario {
             Scenario::Unchanged => self.claims_line(cell),
@@ -298,7 +299,7 @@ fn quantity(value: f64, unit: &str, of: u64) -> Value {
     }
 }
 
-/// Whether a flag names what was changed.
+/// True if a detection names the injected change.
 fn is_right(injected: InjectedChange, flag: &Flagged) -> bool {
     let expected = match injected {
         InjectedChange::Steering => Cause::Steering,
@@ -309,7 +310,7 @@ fn is_right(injected: InjectedChange, flag: &Flagged) -> bool {
     flag.kind == ChangeKind::CalibrationChanged && flag.cause == expected
 }
 
-/// The value that `share` of the values do not exceed; infinite without values.
+/// Returns the value that `share` of the values do not exceed; infinite without values.
 fn quantile(values: &mut [f64], share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let place = (share * values.len() as f64).ceil().max(1.0) as usize - 1;

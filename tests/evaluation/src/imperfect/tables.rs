@@ -10,16 +10,16 @@ use crate::report::Table;
 /// Pooled outcomes of one imperfection at one strength.
 #[derive(Debug, Clone)]
 pub struct Row {
-    /// What is wrong with the robots.
+    /// Imperfection of the robots.
     pub flaw: Flaw,
-    /// What came of it.
+    /// Their outcomes.
     pub summary: Summary,
 }
 
-/// The unchanged robots of each flaw, over some routes.
+/// Drives the unchanged robots of each flaw, over some routes.
 ///
 /// # Errors
-/// Whatever a run ends with.
+/// The error of a run.
 pub fn unchanged(
     campaign: &mut Campaign,
     flaws: &[Flaw],
@@ -29,10 +29,10 @@ pub fn unchanged(
     pooled(campaign, flaws, seeds, roads, &[Scenario::Unchanged])
 }
 
-/// The robots of each flaw on which `injected` happens, over some routes and both speeds.
+/// Drives the robots of each flaw with the change `injected`, over some routes and both speeds.
 ///
 /// # Errors
-/// Whatever a run ends with.
+/// The error of a run.
 pub fn changed(
     campaign: &mut Campaign,
     flaws: &[Flaw],
@@ -70,7 +70,7 @@ fn pooled(
     Ok(rows)
 }
 
-/// Poses where they show the imperfection, because they cost a tenth of scans.
+/// Returns poses if they show the imperfection, because they cost a tenth of scans.
 pub fn sensor_of(flaw: Flaw) -> Sensor {
     if flaw.needs_scans() || flaw == Flaw::AllTypical {
         Sensor::Scans
@@ -79,7 +79,7 @@ pub fn sensor_of(flaw: Flaw) -> Sensor {
     }
 }
 
-/// False claims and false changes of unchanged robots.
+/// Makes the table of false claims and false changes of unchanged robots.
 pub fn claims_table(rows: &[Row]) -> Table {
     let mut table = Table::new(&[
         "imperfection",
@@ -113,7 +113,7 @@ pub fn claims_table(rows: &[Row]) -> Table {
     table
 }
 
-/// Convergence, errors and consistency of unchanged robots.
+/// Makes the table of convergence, errors and consistency of unchanged robots.
 pub fn errors_table(rows: &[Row]) -> Table {
     let mut table = Table::new(&[
         "imperfection",
@@ -148,7 +148,7 @@ pub fn errors_table(rows: &[Row]) -> Table {
     table
 }
 
-/// How far changed robots drive until the alarm.
+/// Makes the table of the distances that changed robots drive until the alarm.
 pub fn changes_table(rows: &[Row]) -> Table {
     let mut table = Table::new(&[
         "imperfection",
@@ -175,10 +175,11 @@ pub fn changes_table(rows: &[Row]) -> Table {
     table
 }
 
-/// How far robots without an imperfection drive on each route until the alarm, and until they have turned.
+/// Makes the table of the distances that robots without an imperfection drive on each route until
+/// the alarm, and until they have turned.
 ///
 /// # Errors
-/// Whatever a run ends with.
+/// The error of a run.
 pub fn turns_table(
     campaign: &mut Campaign,
     seeds: &[u64],

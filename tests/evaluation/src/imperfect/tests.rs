@@ -254,8 +254,8 @@ fn a_lidar_that_moves_by_20_mm_on_a_loop_to_one_side_is_flagged_by_noisy_poses()
     assert!(unflagged.iter().all(|seed| *seed == 8), "{unflagged:?}");
 }
 
-/// While nine blocks of windows had to be known, nothing was judged for 46 m: each of these changes went
-/// unseen, and was claimed away.
+/// Injects changes within the first 46 m: a detection that needs nine known blocks of windows
+/// judges nothing so early, and each of these changes went unseen and was claimed away.
 #[test]
 fn what_moves_before_a_robot_has_driven_46_m_is_flagged() {
     for (road, change, speed, seed) in [
@@ -309,8 +309,8 @@ fn strong_understeer_is_not_taken_for_a_steering_zero_that_moved_on_the_first_la
     }
 }
 
-/// Their scanners are tilted, and the filters of most begin again while they drive: what told them how late
-/// the wheels are and how late the steering is was lost with the start.
+/// Drives tilted scanners whose filters mostly begin again while they drive: the evidence for the
+/// delays of the wheels and the steering is lost with the start.
 #[test]
 fn who_has_every_imperfection_and_sees_the_floor_claims_no_false_steering_zero() {
     let cell = Cell {
@@ -334,8 +334,8 @@ fn who_has_every_imperfection_and_sees_the_floor_claims_no_false_steering_zero()
     }
 }
 
-/// What is known of a vehicle by the time its scanner is seen to be tilted is found again, not learnt from
-/// nothing on the way: lag, play and curve of the steering stay.
+/// Checks that the known properties of a vehicle survive the detection of a tilted scanner: lag,
+/// play and curve of the steering stay, and are not learnt from nothing on the way.
 #[test]
 fn the_floor_that_is_found_after_minutes_is_no_change() {
     // Without that each of these was reported as changed after 104 to 183 s.
@@ -366,8 +366,8 @@ fn the_floor_that_is_found_after_minutes_is_no_change() {
     }
 }
 
-/// Lag, play and curve of the steering are wrong all at once when a filter begins on the way. Taken once,
-/// the first readings left the filter with other values, and the robot scattered.
+/// Begins a filter on the way with lag, play and curve of the steering wrong all at once. Used
+/// once, the first readings leave the filter with other values, and the robot scatters.
 #[test]
 fn a_change_is_seen_on_a_robot_with_every_imperfection_whose_filter_began_on_the_way() {
     let cell = Cell {
@@ -400,8 +400,9 @@ fn a_change_is_seen_on_a_robot_with_every_imperfection_whose_filter_began_on_the
     }
 }
 
-/// The odometry of a scanner that sees the floor may move aside in its first metres, until the floor is found and
-/// its new map holds. A filter that began there believed in a mount over a metre away.
+/// Drives scanners that see the floor, whose odometry may move aside in its first metres, until the
+/// floor is found and its new map holds. A filter that begins there converges to a mount over a
+/// metre away.
 #[test]
 fn a_filter_that_began_with_misled_poses_begins_again_elsewhere() {
     let tilt = Flaw::One(ImperfectionKind::Tilt, Strength::Typical);
@@ -428,8 +429,9 @@ fn a_filter_that_began_with_misled_poses_begins_again_elsewhere() {
     }
 }
 
-/// These robots have no imperfection. On the straights of aisles their detection waits for the turns in which a
-/// LiDAR that moved shows, and until they have made them its place is not claimed, however well it is known.
+/// Drives robots without imperfections on the straights of aisles, where detection waits for the
+/// turns in which a moved LiDAR shows, and its pose is not claimed before, however well it is
+/// known.
 #[test]
 fn where_turns_are_missing_detection_waits_for_motion_and_not_for_scatter() {
     let cell = Cell {
@@ -457,8 +459,8 @@ fn where_turns_are_missing_detection_waits_for_motion_and_not_for_scatter() {
     }
 }
 
-/// A LiDAR that moves jumps in one window. On a straight nothing else shows of it until the next turn; by then the
-/// jump had counted as scatter, and the change was taken for noise.
+/// Moves a LiDAR, which jumps in one window. On a straight the next evidence comes with the next
+/// turn; a jump that counted as scatter until then would hide the change.
 #[test]
 fn a_lidar_that_moves_on_a_straight_is_flagged_in_the_next_turn() {
     let cell = Cell {

@@ -2,7 +2,7 @@
 
 use super::{Block, Claim, Report, Section, Table};
 
-/// The whole page.
+/// Writes the whole page.
 pub fn page(report: &Report) -> String {
     let mut page = format!(
         "# The paper's evaluation, and what lies beyond it\n\n\

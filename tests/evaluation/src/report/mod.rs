@@ -15,7 +15,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table without rows.
+    /// Makes a table without rows.
     pub fn new(header: &[&str]) -> Self {
         Self {
             header: header.iter().map(|&name| name.to_owned()).collect(),
@@ -32,9 +32,9 @@ impl Table {
 /// A drawn figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
-    /// Name of its file, without ending.
+    /// Name of its file, without a suffix.
     pub name: &'static str,
-    /// What it shows, in a sentence.
+    /// Its content, in a sentence.
     pub caption: String,
     /// The drawing.
     pub svg: String,
@@ -48,16 +48,16 @@ enum Block {
     Figure(Figure),
 }
 
-/// A number that the project is held to.
+/// A number with a required bound.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Claim {
-    /// What is measured.
+    /// Measured quantity.
     pub what: String,
-    /// What it has to be.
+    /// Required bound.
     pub bound: String,
-    /// What it is.
+    /// Measured value.
     pub seen: String,
-    /// Whether it is.
+    /// True if the bound is kept.
     pub holds: bool,
 }
 
@@ -67,12 +67,12 @@ pub struct Section {
     /// Its heading.
     pub heading: String,
     blocks: Vec<Block>,
-    /// What it is held to.
+    /// Claims of the study.
     pub claims: Vec<Claim>,
 }
 
 impl Section {
-    /// A study without content yet.
+    /// Makes a study without content.
     pub fn new(heading: &str) -> Self {
         Self {
             heading: heading.to_owned(),
@@ -96,7 +96,7 @@ impl Section {
         self.blocks.push(Block::Figure(figure));
     }
 
-    /// Holds the study to a number that must not be above a bound; `show` writes both.
+    /// Claims that a number is not above a bound; `show` formats both.
     pub fn at_most(&mut self, what: &str, seen: f64, bound: f64, show: impl Fn(f64) -> String) {
         self.claims.push(Claim {
             what: what.to_owned(),
@@ -106,7 +106,7 @@ impl Section {
         });
     }
 
-    /// Holds the study to a number that must not be below a bound.
+    /// Claims that a number is not below a bound.
     pub fn at_least(&mut self, what: &str, seen: f64, bound: f64, show: impl Fn(f64) -> String) {
         self.claims.push(Claim {
             what: what.to_owned(),
@@ -116,7 +116,7 @@ impl Section {
         });
     }
 
-    /// The study alone as Markdown, its figures as links.
+    /// Writes the study alone as Markdown, its figures as links.
     pub fn markdown(&self) -> String {
         markdown::section_text(self)
     }
@@ -129,21 +129,21 @@ impl Section {
     }
 }
 
-/// All studies, and what they were made of.
+/// All studies, and their origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
-    /// Source that was run: a commit.
+    /// Commit of the source.
     pub commit: String,
     /// Command that makes it again.
     pub command: String,
-    /// What was simulated, in words.
+    /// Extent of the simulation, in words.
     pub extent: String,
     /// The studies.
     pub sections: Vec<Section>,
 }
 
 impl Report {
-    /// Claims that do not hold.
+    /// Returns the claims that do not hold.
     pub fn short_of(&self) -> Vec<&Claim> {
         let claims = self.sections.iter().flat_map(|section| &section.claims);
         claims.filter(|claim| !claim.holds).collect()

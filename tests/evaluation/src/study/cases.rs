@@ -10,32 +10,32 @@ use crate::paper::{Converged, POSITION_BOUND_M, STEERING_BOUND_DEG, YAW_BOUND_DE
 use crate::report::{Section, Table};
 use crate::statistics::{largest, mean, spread};
 
-/// Names of the four, with units, as columns.
+/// Column names of the four, with units.
 pub const COLUMNS: [&str; 4] = ["x, m", "y, m", "yaw, °", "steering, °"];
 
-/// What the runs of one case ended with: for each of the four, one number a seed, m and degrees.
+/// Outcome of the runs of one case: for each of the four, one number a seed, m and degrees.
 #[derive(Debug, Clone)]
 pub struct Outcome {
     /// Truth.
     pub truth: [f64; 4],
     /// Estimates.
     pub values: [Vec<f64>; 4],
-    /// Estimates less truth.
+    /// Estimates minus truth.
     pub errors: [Vec<f64>; 4],
     /// Claimed standard deviations.
     pub sigmas: [Vec<f64>; 4],
     /// Normalised errors squared, 4 degrees of freedom.
     pub nees: Vec<f64>,
-    /// How many of the four were called converged, over all seeds.
+    /// Number of converged ones among the four, over all seeds.
     pub converged: usize,
-    /// Changes that were flagged although nothing changed.
+    /// Changes that were detected although nothing changed.
     pub false_alarms: usize,
 }
 
 /// Drives a case with every seed, on all cores.
 ///
 /// # Errors
-/// Whatever a run ends with.
+/// The error of a run.
 pub fn runs(
     seeds: &[u64],
     duration_s: f64,
@@ -45,10 +45,10 @@ pub fn runs(
     seeds.par_iter().map(each).collect()
 }
 
-/// The last estimate of a run.
+/// Returns the last estimate of a run.
 ///
 /// # Errors
-/// When there is none.
+/// When there are no estimates.
 pub fn last<'a>(
     study: &'static str,
     seed: u64,
@@ -62,7 +62,7 @@ pub fn last<'a>(
 }
 
 impl Outcome {
-    /// What runs ended with.
+    /// Makes the outcome of runs.
     ///
     /// # Errors
     /// When a run has no estimate.
@@ -92,7 +92,7 @@ impl Outcome {
         Ok(outcome)
     }
 
-    /// Largest error of each of the four.
+    /// Returns the largest error of each of the four.
     pub fn worst(&self) -> [f64; 4] {
         [0, 1, 2, 3].map(|i| largest(&self.errors[i]))
     }
@@ -122,7 +122,7 @@ impl Outcome {
     }
 }
 
-/// From SI units to those shown: m, m, degrees, degrees.
+/// Factors from SI units to those shown: m, m, degrees, degrees.
 pub const SHOWN: [f64; 4] = [
     1.0,
     1.0,
@@ -130,14 +130,14 @@ pub const SHOWN: [f64; 4] = [
     180.0 / std::f64::consts::PI,
 ];
 
-/// Marks around a table's numbers: ours, the paper's, and those to look at.
+/// Mark around our numbers in a table.
 pub const PLAIN: &str = "";
-/// The paper's.
+/// Mark around the paper's numbers.
 pub const ITALIC: &str = "*";
-/// To look at.
+/// Mark around emphasised numbers.
 pub const BOLD: &str = "**";
 
-/// A row's name and its four numbers between marks.
+/// Formats a row's name and its four numbers between marks.
 pub fn cells(name: &str, four: &[f64; 4], mark: &str) -> Vec<String> {
     let [x, y, yaw, steering] = four;
     let positions = [x, y].map(|m| format!("{mark}{m:.4}{mark}"));
@@ -146,7 +146,7 @@ pub fn cells(name: &str, four: &[f64; 4], mark: &str) -> Vec<String> {
     name.chain(positions).chain(angles).collect()
 }
 
-/// Holds a study to a tenth of the paper's spread.
+/// Claims a tenth of the paper's spread for a study.
 pub fn hold_to_a_tenth(section: &mut Section, outcomes: &[&Outcome]) {
     let worst = |i: usize| {
         let all = outcomes.iter().map(|outcome| outcome.worst()[i]);
@@ -165,7 +165,7 @@ pub fn hold_to_a_tenth(section: &mut Section, outcomes: &[&Outcome]) {
     );
 }
 
-/// What else is worth saying of the runs, in a sentence.
+/// Returns a further remark on the runs, in a sentence.
 pub fn remark(outcomes: &[&Outcome]) -> String {
     let all_nees: Vec<_> = outcomes
         .iter()

@@ -16,23 +16,23 @@ use crate::report::{Section, Table};
 use crate::robots::{WAREHOUSE_LOCALISATION, mount, tugger};
 use crate::statistics::{largest, rms, spread};
 
-/// How far the steering zero jumps, degrees.
+/// Size of the jump of the steering zero, degrees.
 const JUMP_DEG: f64 = 1.5;
-/// How long a correction that is late is held back, s.
+/// Delay of a late correction, s.
 const LATE_S: f64 = 10.0;
 
-/// What the robot does with its estimates.
+/// Policy by which the robot applies its estimates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Policy {
-    /// Nothing: the loop is open.
+    /// Nothing is applied: the loop is open.
     Nothing,
-    /// Applies every value of every estimate, once a second, known or not.
+    /// Every value of every estimate is applied, once a second, known or not.
     Everything,
-    /// Applies what is called converged, once a second.
+    /// Converged values are applied, once a second.
     Converged,
-    /// The same, ten seconds late.
+    /// Converged values are applied, ten seconds late.
     ConvergedLate,
-    /// Is told the truth.
+    /// The truth is applied.
     Truth,
 }
 
@@ -43,11 +43,13 @@ const POLICIES: [(Policy, &str); 5] = [
     (Policy::ConvergedLate, "the same, 10 s late"),
     (Policy::Truth, "is told the truth"),
 ];
-/// Where the open loop, the usual policy and the truth stand among them.
+/// Index of the open loop among them.
 const OPEN: usize = 0;
+/// Index of the usual policy.
 const USUAL: usize = 2;
+/// Index of the truth.
 const TOLD: usize = 4;
-/// Those whose estimates come back to the robot, and those whose do not.
+/// Indices of the policies with feedback.
 const CLOSED: [usize; 3] = [1, USUAL, 3];
 const NOT_CLOSED: [usize; 2] = [OPEN, TOLD];
 
@@ -57,7 +59,7 @@ struct Looped {
     /// Cross-track errors once settled, and after the jump, m.
     settled_m: Vec<f64>,
     after_jump_m: Vec<f64>,
-    /// Applied less true steering offset over time: s, degrees.
+    /// Applied minus true steering offset over time: s, degrees.
     applied: Points,
     /// The four estimates' errors at the end, m, m, rad, rad.
     errors: [f64; 4],
@@ -66,7 +68,7 @@ struct Looped {
 /// Runs the study.
 ///
 /// # Errors
-/// Whatever a run or a figure ends with.
+/// The error of a run or a figure.
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let stretch_s = extent.loop_stretch_s;
     let mut section = Section::new("6a. Continuous correction in the controller");
@@ -189,7 +191,8 @@ fn truth(robot: &Simulation) -> Applied {
     }
 }
 
-/// What a policy makes of an estimate, and when it is to be applied (s).
+/// Returns the correction that a policy derives from an estimate, with the time at which it is
+/// applied (s).
 fn correction(
     policy: Policy,
     estimate: &Estimate,
@@ -224,7 +227,7 @@ fn settled_rmse_m(runs: &[Looped]) -> f64 {
         .collect::<Vec<_>>())
 }
 
-/// Applied less true steering offset in the second stretch, degrees.
+/// Returns the applied minus the true steering offset in the second stretch, degrees.
 fn settled_applied(run: &Looped) -> Vec<f64> {
     let third = run.applied.len() / 3;
     let second = run.applied.iter().skip(third).take(third.saturating_sub(2));

@@ -28,7 +28,7 @@ struct Case {
 /// Runs the study.
 ///
 /// # Errors
-/// Whatever a run or a figure ends with.
+/// The error of a run or a figure.
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let mut section = Section::new("1. Convergence (Tables I and II)");
     section.words(format!(
@@ -79,7 +79,8 @@ pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     Ok(section)
 }
 
-/// Worst errors of all runs at some times, and how many parameters are called converged then.
+/// Makes the table of the worst errors of all runs at some times, and the numbers of converged
+/// parameters.
 fn over_time(cases: &[&Case], last_s: f64) -> Table {
     let mut table = Table::new(&[
         "after",
@@ -118,7 +119,7 @@ fn over_time(cases: &[&Case], last_s: f64) -> Table {
     table
 }
 
-/// Unladen and laden.
+/// Runs the cases unladen and laden.
 fn cases(
     extent: &Extent,
     nominal: Option<Pose2>,
@@ -152,7 +153,7 @@ fn case(
     })
 }
 
-/// Errors over time, one panel for each of the four.
+/// Makes the panels of errors over time, one for each of the four.
 fn panels(case: &Case) -> Vec<Panel> {
     let names = ["x", "y", "yaw", "steering"];
     let units = ["m", "m", "°", "°"];

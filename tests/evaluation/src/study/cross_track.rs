@@ -18,7 +18,7 @@ use crate::report::{Section, Table};
 use crate::robots::{WAREHOUSE_LOCALISATION, mount, tugger, with_lidar_poses};
 use crate::statistics::{largest, quantile_of_size, rms};
 
-/// The robot's first moments on its route are left out, s.
+/// Time at the start of a route that is left out, s.
 pub const SETTLED_S: f64 = 10.0;
 /// Names of a set's runs.
 const RUNS: [&str; 5] = [
@@ -28,10 +28,11 @@ const RUNS: [&str; 5] = [
     "offset and mount as found",
     "perfectly calibrated",
 ];
-/// The last of them.
+/// Index of the last of them.
 const PERFECT: usize = 4;
-/// Width of a histogram's bar, m, and how many there are.
+/// Width of a histogram's bar, m.
 const BAR_M: f64 = 0.002;
+/// Bars of a histogram.
 const BARS: usize = 70;
 /// Largest share that is shown, percent.
 const SHARE_MAX: f64 = 60.0;
@@ -46,7 +47,7 @@ struct Tracked {
 /// Runs the study.
 ///
 /// # Errors
-/// Whatever a run or a figure ends with.
+/// The error of a run or a figure.
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let mut section = Section::new("4. Cross-track error in closed loop (Table IV)");
     section.words(format!(
@@ -125,7 +126,8 @@ fn tracked(extent: &Extent, set: RunSet) -> Result<Tracked, EvaluationError> {
     Ok(tracked)
 }
 
-/// The runs of one seed, and the steering offset (degrees) that was estimated in the first.
+/// Drives the runs of one seed; returns them with the steering offset (degrees) that was estimated
+/// in the first.
 fn one_seed(
     extent: &Extent,
     set: &RunSet,
@@ -159,7 +161,7 @@ fn one_seed(
     Ok((errors, found.steering_offset_rad.to_degrees()))
 }
 
-/// Cross-track errors of the calibration run, and what it found.
+/// Drives the calibration run; returns its cross-track errors, and its result.
 fn calibration_run(
     extent: &Extent,
     robot: Robot,
@@ -227,7 +229,7 @@ fn offsets_found(sets: &[Tracked]) -> String {
     )
 }
 
-/// Histograms: a row for each run but the last, a column for each set.
+/// Makes the histograms: a row for each run but the last, a column for each set.
 fn panels(sets: &[Tracked]) -> Vec<Panel> {
     let colours = [GREY_LINE, ORANGE_LINE, BLUE_LINE];
     let rows = colours.into_iter().enumerate();
@@ -259,7 +261,7 @@ fn panels(sets: &[Tracked]) -> Vec<Panel> {
     .collect()
 }
 
-/// Left edge, right edge and share (percent) of each bar.
+/// Returns left edge, right edge and share (percent) of each bar.
 fn histogram(errors: &[f64]) -> Vec<(f64, f64, f64)> {
     let mut counts = [0_usize; BARS];
     for error in errors {

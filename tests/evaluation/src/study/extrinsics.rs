@@ -15,7 +15,7 @@ use crate::report::{Section, Table};
 use crate::robots::{WAREHOUSE_LOCALISATION, mount, tugger, with_lidar_poses};
 use crate::statistics::{mean, rms};
 
-/// Errors of the mount that the robot believes in: m, m, degrees.
+/// Errors of the robot's applied mount: m, m, degrees.
 const WRONG: [[f64; 3]; 14] = [
     [0.0, 0.0, 0.0],
     [0.005, 0.0, 0.0],
@@ -35,20 +35,20 @@ const WRONG: [[f64; 3]; 14] = [
 /// Names of the three and their units in the figure.
 const NAMES: [&str; 3] = ["x, m", "y, m", "yaw, °"];
 
-/// What came of one drive, all in metres.
+/// Result of one drive, all in metres.
 struct Follows {
     /// Cross-track errors.
     beside_path: Vec<f64>,
-    /// How far the robot is from where it believes to be, without its noise.
+    /// Distances of the robot from its own localisation, without its noise.
     misplaced: Vec<f64>,
-    /// How far the LiDAR's motion over a second is from what the body's motion says.
+    /// Differences of the LiDAR's motion over a second from that by the body's motion.
     motion: Vec<f64>,
 }
 
 /// Runs the study.
 ///
 /// # Errors
-/// Whatever a run or a figure ends with.
+/// The error of a run or a figure.
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let mut section = Section::new("6b. What a wrong mount does");
     section.words(

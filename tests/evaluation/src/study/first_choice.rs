@@ -19,10 +19,11 @@ use crate::robots::{mount, tugger};
 use crate::statistics::{mean, rms};
 
 const STUDY: &str = "first choice";
-/// Where the robot begins: in an aisle, looking to the staging area.
+/// Start of the robot: in an aisle, looking to the staging area.
 const START: Pose2 = Pose2::new(8.0, -2.0, std::f64::consts::PI);
-/// How far it drives straight before it asks, m, and how far after the manoeuvre.
+/// Straight distance before the advisor is queried, m.
 const AISLE_M: f64 = 14.0;
+/// Distance after the manoeuvre, m.
 const TAIL_M: f64 = 0.5;
 /// Time in which any of the drives has ended, s.
 const LONG_ENOUGH_S: f64 = 120.0;
@@ -36,20 +37,20 @@ const DRIVEN: [&str; 6] = [
     "figure_eight",
 ];
 
-/// What one drive ended with.
+/// Outcome of one drive.
 struct Ended {
     /// Errors and claimed sigmas of the four, SI.
     errors: [f64; 4],
     sigmas: [f64; 4],
     converged: usize,
-    /// What the advisor would have had it drive after the aisle, best first.
+    /// Advised manoeuvres after the aisle, best first.
     advised: Vec<&'static str>,
 }
 
 /// Adds the table.
 ///
 /// # Errors
-/// Whatever a run ends with.
+/// The error of a run.
 pub fn add(extent: &Extent, section: &mut Section) -> Result<(), EvaluationError> {
     let vehicle = tugger(1, mount(0.43, 0.0046, 0.72), 0.92)
         .calibrator
@@ -130,7 +131,7 @@ fn one_drive(
     })
 }
 
-/// The way: the aisle, the manoeuvre, a little further.
+/// Returns the way: the aisle, the manoeuvre, a little further.
 fn points(manoeuvre: &Manoeuvre, vehicle: &Vehicle) -> Vec<Point> {
     let parameters = DriveParameters {
         steering_offset_rad: 0.0,
@@ -157,7 +158,7 @@ fn points(manoeuvre: &Manoeuvre, vehicle: &Vehicle) -> Vec<Point> {
     points
 }
 
-/// The first choice of the first robot that asked.
+/// Returns the first choice of the first robot that queried the advisor.
 fn first_choice(all: &[Ended]) -> Option<&'static str> {
     all.first()?.advised.first().copied()
 }

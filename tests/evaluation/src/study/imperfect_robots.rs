@@ -16,16 +16,16 @@ use crate::statistics::Proportion;
 /// Runs the study.
 ///
 /// # Errors
-/// Whatever a run ends with.
+/// The error of a run.
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let mut campaign = Campaign::new(Watch::whole(extent.imperfect.length_s));
     section(&extent.imperfect, &mut campaign)
 }
 
-/// The study on a campaign, which may hold runs already.
+/// Makes the study on a campaign, which may hold runs already.
 ///
 /// # Errors
-/// Whatever a run ends with.
+/// The error of a run.
 pub fn section(
     extent: &ImperfectExtent,
     campaign: &mut Campaign,
@@ -97,7 +97,7 @@ const fn in_words(injected: InjectedChange) -> &'static str {
     }
 }
 
-/// What is held of unchanged robots.
+/// Adds the claims about unchanged robots.
 fn hold_claims(section: &mut Section, rows: &[Row]) {
     let typical = |row: &&Row| row.flaw.strength() != Strength::Strong.name();
     let from_poses = |row: &&Row| sensor_of(row.flaw) == Sensor::Poses;
@@ -124,8 +124,8 @@ fn hold_claims(section: &mut Section, rows: &[Row]) {
     }
 }
 
-/// What is held of robots without an imperfection that turn to both sides. Turns to one side do not tell
-/// the play of the steering from its offset, and may take longer.
+/// Adds the claims about robots without an imperfection that turn to both sides. Turns to one side
+/// cannot separate the play of the steering from its offset, and may take longer.
 fn hold_convergence(section: &mut Section, two_sided: &[Row]) {
     for clean in two_sided {
         section.at_least(
@@ -137,7 +137,7 @@ fn hold_convergence(section: &mut Section, two_sided: &[Row]) {
     }
 }
 
-/// Claims looked at after 60, 120 and 180 s.
+/// Counts the false claims after 60, 120 and 180 s.
 fn false_until_180_s(summary: &Summary) -> Proportion {
     let at = [60.0, 120.0, 180.0].map(|at_s| summary.false_claims_at(at_s));
     Proportion {
@@ -146,8 +146,8 @@ fn false_until_180_s(summary: &Summary) -> Proportion {
     }
 }
 
-/// What is held of changed robots. A LiDAR that moves by 20 mm is not flagged in time yet, not even
-/// without an imperfection, and one that moves by 10 mm need not be flagged.
+/// Adds the claims about changed robots. A LiDAR that moves by 20 mm is not detected in time yet,
+/// not even without an imperfection, and one that moves by 10 mm need not be detected.
 fn hold_changes(section: &mut Section, injected: InjectedChange, rows: &[Row]) {
     let Some(clean) = rows.iter().find(|row| row.flaw == Flaw::Clean) else {
         return;

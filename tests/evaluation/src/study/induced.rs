@@ -11,7 +11,7 @@ use crate::statistics::{mean, spread};
 /// Runs the study.
 ///
 /// # Errors
-/// Whatever a run ends with.
+/// The error of a run.
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let mut section = Section::new("3. Induced offsets (Table III)");
     section.words(

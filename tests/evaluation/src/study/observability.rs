@@ -17,7 +17,7 @@ use crate::robots::{TUGGER_CAD, mount};
 use crate::scripted::{Scripted, Truth};
 use crate::statistics::mean;
 
-/// What is shown of each manoeuvre: parameter, heading, factor from SI.
+/// Shown quantities of each manoeuvre: parameter, heading, factor from SI.
 const SHOWN: [(Parameter, &str, f64); 6] = [
     (Parameter::LidarX, "x, mm", 1e3),
     (Parameter::LidarY, "y, mm", 1e3),
@@ -30,9 +30,9 @@ const SHOWN: [(Parameter, &str, f64); 6] = [
     (Parameter::SpeedScale, "speed scale, %", 1e2),
     (Parameter::TimeOffset, "delay, ms", 1e3),
 ];
-/// Way that the advisor reckons for getting to a manoeuvre, m, as in its own ranking.
+/// Distance that the advisor assumes for getting to a manoeuvre, m, as in its own ranking.
 const APPROACH_M: f64 = 5.0;
-/// What a robot may have driven before it asks.
+/// Manoeuvres that a robot may have driven before it queries the advisor.
 const PASTS: [(&str, &[&str]); 5] = [
     ("nothing yet", &[]),
     ("30 m straight", &["straight", "straight", "straight"]),
@@ -51,7 +51,7 @@ struct Driven {
 /// Runs the study.
 ///
 /// # Errors
-/// Whatever a run ends with.
+/// The error of a run.
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let mut section = Section::new("6d. What each manoeuvre tells, and which to drive next");
     section.words(
@@ -139,7 +139,7 @@ fn sigma(covariance: &ParameterCovariance) -> Values {
     Values::from_fn(|i, _| covariance[(i, i)].sqrt())
 }
 
-/// Foretold and real standard deviations after each manoeuvre from nothing.
+/// Makes the table of predicted and real standard deviations after each manoeuvre from nothing.
 fn map(extent: &Extent) -> Result<Table, EvaluationError> {
     let mut header = vec!["manoeuvre", "way, m", "floor, m"];
     header.extend(SHOWN.map(|(_, heading, _)| heading));
@@ -173,8 +173,8 @@ fn map(extent: &Extent) -> Result<Table, EvaluationError> {
     Ok(table)
 }
 
-/// Drives all manoeuvres after a past and says what share of the best one's information for each
-/// metre the advisor's first choice had.
+/// Drives all manoeuvres after a past and returns the advisor's first choice's share of the best
+/// one's information for each metre.
 fn proof(
     extent: &Extent,
     past: &str,
@@ -239,7 +239,7 @@ fn floor(manoeuvre: &Manoeuvre) -> String {
     format!("{long:.1} × {wide:.1}")
 }
 
-/// Two digits that count.
+/// Formats two significant digits.
 fn short(value: f64) -> String {
     if value >= 10.0 {
         format!("{value:.0}")

@@ -45,7 +45,7 @@ struct Apart {
 /// Runs the study.
 ///
 /// # Errors
-/// Whatever a run or a figure ends with.
+/// The error of a run or a figure.
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let mut section = Section::new("5. Odometry over 300 m (the paper's last figure)");
     section.words(format!(
@@ -102,7 +102,8 @@ pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     Ok(section)
 }
 
-/// A figure that a person might drive: never twice the same bend, and an unsteady hand.
+/// Makes a robot on a route as a person might drive it: never twice the same bend, and an unsteady
+/// hand.
 fn by_hand(seed: u64) -> Robot {
     let mut robot = offset_tugger(seed);
     let point = |n: u32| {
@@ -221,7 +222,7 @@ impl Paths {
         }
     }
 
-    /// Distances between the trajectories, at the filter's times.
+    /// Returns the distances between the trajectories, at the filter's times.
     fn apart(&self) -> Option<Apart> {
         let mut distances: [Vec<f64>; 6] = Default::default();
         for (stamp_ns, filter) in &self.filter {
@@ -268,12 +269,12 @@ fn distance_m(a: &Pose2, b: &Pose2) -> f64 {
     (a.x_m - b.x_m).hypot(a.y_m - b.y_m)
 }
 
-/// Twice a second is enough for a drawing.
+/// Thins points to two a second, which suffices for a drawing.
 fn thin(points: Points) -> Points {
     points.into_iter().step_by(50).collect()
 }
 
-/// Adds a drive's rows and says how many times the offset made it better, against the truth.
+/// Adds a drive's rows and returns the factor by which the offset improved it, against the truth.
 fn rows(table: &mut Table, kind: &Kind, all: &[Apart]) -> f64 {
     let of = |what: fn(&Apart) -> f64| mean(&all.iter().map(what).collect::<Vec<_>>());
     let (name, (raw, offset)) = (kind.name, kind.paper_m);

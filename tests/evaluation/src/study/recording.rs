@@ -9,18 +9,18 @@ use crate::error::EvaluationError;
 use crate::report::{Section, Table};
 
 const RECORDING: &str = "sapienza_tricycle.mcap";
-/// The published fit that the recording's wheelbase is from: steering offset and yaw in degrees, x
-/// and y in m.
+/// Published fit that gave the recording's wheelbase: steering offset and yaw in degrees, x and y
+/// in m.
 const PUBLISHED: [f64; 4] = [1.810, -0.023, -0.115, 3.203];
-/// Another published fit, with its lengths (its wheel is taken as 11 % smaller) brought to the same
+/// Another published fit, with its lengths (it assumes an 11 % smaller wheel) converted to the same
 /// wheel.
 const PUBLISHED_TOO: [f64; 4] = [1.785, 0.004, 0.94, 2.90];
 /// A robust batch fit of all eight parameters over the same recording.
 const BATCH: [f64; 4] = [1.799, -0.016, -0.5, 3.7];
-/// How far from the first one is still credible: 3 cm, 4 cm, 1°, 1°.
+/// Credible distances from the first one: 3 cm, 4 cm, 1°, 1°.
 const CREDIBLE: [f64; 4] = [0.03, 0.04, 1.0, 1.0];
 
-/// Where recordings and the command are.
+/// Paths of recordings and the command.
 #[derive(Debug, Clone, Default)]
 pub struct Source {
     /// Folder of the recordings, `FLEETCAL_DATA`.
@@ -51,7 +51,7 @@ struct Found {
     status: String,
 }
 
-/// Runs the study, or says why it did not run.
+/// Runs the study, or reports why it did not run.
 ///
 /// # Errors
 /// When the command fails on the recording.

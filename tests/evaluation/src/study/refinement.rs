@@ -12,7 +12,7 @@ use crate::report::{Section, Table};
 use crate::robots::{mount, tugger};
 use crate::statistics::{mean, rms};
 
-/// What is shown: parameter, heading, factor from SI.
+/// Shown quantities: parameter, heading, factor from SI.
 const SHOWN: [(Parameter, &str, f64); 8] = [
     (Parameter::LidarX, "x, mm", 1e3),
     (Parameter::LidarY, "y, mm", 1e3),
@@ -28,13 +28,14 @@ const SHOWN: [(Parameter, &str, f64); 8] = [
     (Parameter::SteeringGain, "gain, %", 1e2),
 ];
 
-/// A vehicle that is not as configured, and an estimator that is told what may be wrong.
+/// A vehicle that differs from its configuration, and an estimator that knows which parameters are
+/// uncertain.
 struct Row {
     vehicle: &'static str,
     estimator: &'static str,
     robot: fn(u64) -> Robot,
     settings: fn() -> EstimatorSettings,
-    /// What it is held to: parameter, largest RMSE in its unit, in words.
+    /// Its claim: parameter, largest RMSE in its unit, in words.
     held: Option<(Parameter, f64)>,
 }
 
@@ -86,7 +87,7 @@ const ROWS: [Row; 6] = [
 /// Runs the study.
 ///
 /// # Errors
-/// Whatever a run ends with.
+/// The error of a run.
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let mut section = Section::new("6c. Wheelbase, wheel radius, delay and gain refined together");
     section.words(format!(

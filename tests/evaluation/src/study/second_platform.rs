@@ -10,7 +10,7 @@ use crate::robots::{NANO_CAD, mount, nano};
 /// Runs the study.
 ///
 /// # Errors
-/// Whatever a run ends with.
+/// The error of a run.
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let mut section = Section::new("2. Second platform");
     section.words(

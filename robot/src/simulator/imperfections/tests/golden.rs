@@ -5,8 +5,8 @@ use crate::simulator::{
     SimulatedMessage, Simulation, SimulationConfig, Slip, VehicleModel,
 };
 
-/// FNV-1a over every number, rounded to a nanometre (a nanoradian, a nanosecond): the mathematics
-/// library of another machine may differ in the last bit.
+/// Hashes every number by FNV-1a, rounded to a nanometre (a nanoradian, a nanosecond): the
+/// mathematics library of another machine may differ in the last bit.
 fn digest(messages: &[Emitted]) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut eat = |number: i64| {

@@ -16,13 +16,14 @@ fn scanner(imperfections: ScannerImperfections) -> Imperfections {
     }
 }
 
-/// The last scan of a drive of some seconds.
+/// Returns the last scan of a drive of some seconds.
 fn last_scan(config: SimulationConfig) -> Scan {
     let messages = run(config, 12.0);
     scans(&messages).last().unwrap().0.clone()
 }
 
-/// A robot at rest in the middle of a room of 20 m by 8 m, its LiDAR there and looking along x.
+/// Makes a robot at rest in the middle of a room of 20 m by 8 m, its LiDAR there and looking along
+/// x.
 fn room() -> SimulationConfig {
     let mut config = still(quiet_scans());
     let sides = Area::around(Point::default(), 20.0, 8.0).sides().to_vec();
@@ -31,7 +32,7 @@ fn room() -> SimulationConfig {
     config
 }
 
-/// Range to the room's walls and cosine of the incidence, by a beam's angle.
+/// Returns the range to the room's walls and the cosine of the incidence, by a beam's angle.
 fn room_range(angle_rad: f64) -> (f64, f64) {
     let (sin, cos) = angle_rad.sin_cos();
     let (end_m, side_m) = (10.0 / cos.abs(), 4.0 / sin.abs());

@@ -11,7 +11,7 @@ use crate::simulator::{
     LocalisationNoise, PoseSettings, Scan, SimulatedMessage, Simulation, SimulationConfig, Slip,
 };
 
-/// A robot without noise and slip on the figure-eight, with poses for its LiDAR.
+/// Makes a robot without noise and slip on the figure-eight, with poses for its LiDAR.
 fn quiet() -> SimulationConfig {
     let mut config = SimulationConfig::figure_eight(2);
     config.people.count = 0;
@@ -30,7 +30,7 @@ fn quiet() -> SimulationConfig {
     config
 }
 
-/// The same with scans whose ranges have no noise.
+/// Makes the same robot with scans whose ranges have no noise.
 fn quiet_scans() -> SimulationConfig {
     SimulationConfig {
         lidar: LidarOutput::Scans(LidarSettings {

@@ -14,7 +14,7 @@ fn vehicle(imperfections: VehicleImperfections) -> Imperfections {
     }
 }
 
-/// True steering in the middle of each drive sample's interval, rad, with the sample.
+/// Returns each drive sample with the true steering in the middle of its interval, rad.
 fn shown_and_true(messages: &[Emitted]) -> Vec<(DriveSample, f64)> {
     let drives = drives(messages);
     drives

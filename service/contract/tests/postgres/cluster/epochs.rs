@@ -16,8 +16,7 @@ async fn epoch_of_next(instance: &Instance, robots: &[RobotId], claim: i64) -> i
     tenures[0].epoch.0
 }
 
-/// The standby has not heard of the latest tenures when it takes over, and the server that it
-/// replaces gave out more meanwhile.
+/// Fails over to a standby that lacks the latest tenures, while the replaced server assigns more.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_epoch_only_ascends_also_after_a_failover_that_forgot_the_latest() {
     let primary = OwnServer::start_new("trust");

@@ -13,14 +13,14 @@ use tokio::time::{Instant as Time, timeout};
 use super::instance::{Instance, MOMENT, database, end_lease};
 use fleetcal_contract::own_server::{Beside, psql};
 
-/// Seconds of a robot's history that are there.
+/// Returns the number of stored seconds of a robot's history.
 async fn seconds(instance: &Instance, robot: &RobotId) -> usize {
     let all = query(robot.as_str(), NOW_S, NOW_S + 100, 600);
     let history = instance.store.history(&all).await.unwrap();
     history.stretches.len()
 }
 
-/// Hands over to the store what a robot's estimator tells in second `t_s`.
+/// Passes the output of a robot's estimator in second `t_s` to the store.
 fn tell(instance: &Instance, robot: &RobotId, t_s: i64) {
     record(&instance.store, robot.as_str(), t_s, 0.1);
     let state = vec![2, t_s as u8];
@@ -46,7 +46,8 @@ async fn an_instance_writes_of_its_own_robots_alone() {
     assert_eq!(stored[0].state, [2, NOW_S as u8]);
 }
 
-/// What waits in memory when the seat is lost, as in a process that was frozen before it wrote.
+/// Checks the rows that wait in memory when the seat is lost, as in a process that was frozen
+/// before it wrote.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_waited_while_its_seat_was_taken_for_dead_is_not_written() {
     let (url, robots) = database(3).await;
@@ -90,21 +91,21 @@ async fn what_waited_while_its_seat_was_taken_for_dead_is_not_written() {
     assert_eq!(seconds(&b, &robots[1]).await, 2);
 }
 
-/// Takes a table, against which whoever writes to it waits.
+/// Locks a table, so that its writers wait.
 fn hold_table(url: &PostgresUrl, table: &str) -> Beside {
     Beside::run(url, &format!("BEGIN; LOCK TABLE {table} IN EXCLUSIVE MODE"))
 }
 
-/// What a takeover met in the midst of a write.
+/// Result of a takeover in the middle of a write.
 struct Met {
-    /// Whether it waited for the end of the write.
+    /// True if it waited for the end of the write.
     waited: bool,
-    /// Rows that were written behind its end.
+    /// Rows that were written after its end.
     late: usize,
 }
 
-/// Takes an instance for dead while it is between its fence and its rows: as a process that is
-/// frozen there, which goes on afterwards.
+/// Declares an instance dead while it is between its fence and its rows, like a process that is
+/// frozen there and continues afterwards.
 async fn takeover_in_the_midst(fencing: Fencing) -> Met {
     let (url, robots) = database(1).await;
     let a = Instance::join_with(&url, "a", fencing).await;
@@ -168,7 +169,7 @@ async fn a_takeover_waits_for_a_write_that_is_under_way_and_none_comes_behind_it
     }
 }
 
-/// The test above is able to fail.
+/// Shows that the test above can fail.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn without_the_lock_of_the_fence_a_late_row_is_found() {
     let met = takeover_in_the_midst(Fencing::Unlocked).await;
@@ -176,8 +177,8 @@ async fn without_the_lock_of_the_fence_a_late_row_is_found() {
     assert_eq!(met.late, 1);
 }
 
-/// A process that is frozen in the midst of a transaction holds its locks for two seconds, and what
-/// it had not committed is undone.
+/// Freezes a process in the middle of a transaction: it holds its locks for two seconds, and its
+/// uncommitted writes are undone.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_frozen_transaction_keeps_nobody_waiting_for_long() {
     let (url, robots) = database(1).await;
@@ -203,7 +204,8 @@ async fn a_frozen_transaction_keeps_nobody_waiting_for_long() {
     drop(frozen);
 }
 
-/// A robot that came back has rows of its former tenure waiting: they are of somebody else's time.
+/// Returns a robot to an instance while rows of its former tenure wait: they belong to another
+/// time.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn rows_of_a_former_tenure_do_not_pass_for_those_of_the_next() {
     let (url, robots) = database(1).await;

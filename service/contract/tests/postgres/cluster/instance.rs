@@ -23,12 +23,12 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// One of this name, which has joined.
+    /// Makes an instance of this name, which has joined.
     pub async fn join(url: &PostgresUrl, name: &str) -> Self {
         Self::join_with(url, name, Fencing::Locked).await
     }
 
-    /// The same, with a fence that may be broken.
+    /// Makes an instance likewise, with a fence that may be broken.
     pub async fn join_with(url: &PostgresUrl, name: &str, fencing: Fencing) -> Self {
         let store = open_instance(setup(url), name, fencing).await.unwrap();
         let registry = store.registry().unwrap();
@@ -42,7 +42,7 @@ impl Instance {
         instance
     }
 
-    /// Whether a renewal is granted.
+    /// True if a renewal is granted.
     pub async fn renew(&self) -> bool {
         let renewal = Renewal {
             linked: true,
@@ -52,12 +52,12 @@ impl Instance {
         renewed.is_some()
     }
 
-    /// What the rows say.
+    /// Reads the rows.
     pub async fn look(&self) -> Look {
         self.registry.look(None).await.unwrap()
     }
 
-    /// Claims robots and takes the tenures that it got; claims are numbered from `first` on.
+    /// Claims robots and records the tenures that it got; claims are numbered from `first` on.
     pub async fn claim(&self, robots: &[RobotId], first: i64) -> Vec<Tenure> {
         let numbered = robots.iter().cloned().zip((first..).map(ClaimId));
         let wanted: Vec<_> = numbered.collect();
@@ -68,7 +68,7 @@ impl Instance {
         tenures
     }
 
-    /// The robots that the rows say it has.
+    /// Returns its robots by the rows.
     pub async fn robots(&self) -> BTreeSet<RobotId> {
         let rows = self.look().await.snapshot.robots.into_iter();
         rows.filter(|(_, row)| row.owner.as_ref() == Some(&self.seat))
@@ -77,7 +77,7 @@ impl Instance {
     }
 }
 
-/// Keeps the configurations of robots.
+/// Job that stores the configurations of robots.
 #[derive(Debug)]
 struct KeepRobots(Vec<RobotId>);
 
@@ -96,13 +96,13 @@ impl Job for KeepRobots {
     }
 }
 
-/// A new database with so many robots; gives their ids, `robot_000` first.
+/// Makes a database with this number of robots; returns their ids, `robot_000` first.
 pub async fn database(robots: usize) -> (PostgresUrl, Vec<RobotId>) {
     let url = fleetcal_postgres::create_for_test(&named()).await.unwrap();
     (url.clone(), fill(&url, robots).await)
 }
 
-/// Makes so many robots in a database.
+/// Makes this number of robots in a database.
 pub async fn fill(url: &PostgresUrl, robots: usize) -> Vec<RobotId> {
     let store = fleetcal_postgres::open(setup(url), Box::new(()), clock() as _)
         .await
@@ -115,11 +115,11 @@ pub async fn fill(url: &PostgresUrl, robots: usize) -> Vec<RobotId> {
     robots
 }
 
-/// Lets the lease of an instance end now.
+/// Ends the lease of an instance now.
 pub fn end_lease(url: &PostgresUrl, name: &str) {
     let sql = format!("UPDATE instance SET lease_ends_ns = clock_ns() - 1 WHERE id = '{name}'");
     psql(url, &sql);
 }
 
-/// A moment in which what is wrongly not kept waiting would be over.
+/// Time after which a wait that fails to happen would be noticed.
 pub const MOMENT: Duration = Duration::from_millis(300);

@@ -100,7 +100,7 @@ async fn a_look_over_a_connection_that_was_lost_reads_all_over_a_new_one() {
     }
 }
 
-/// Each instance looks four times a second: this is what it costs while nothing happens.
+/// Measures the cost of a look while nothing happens; each instance looks four times a second.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_look_at_what_has_not_changed_is_one_round_trip() {
     let (url, _) = database(3).await;
@@ -118,7 +118,7 @@ async fn a_look_at_what_has_not_changed_is_one_round_trip() {
     }
 }
 
-/// Names the other one as heir of all, and says that it hears them.
+/// Names the other instance as heir of all robots, and marks it as ready.
 async fn name(owner: &Instance, heir: &Instance, robots: &[RobotId]) {
     let named: Vec<_> = robots
         .iter()

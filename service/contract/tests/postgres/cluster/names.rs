@@ -127,7 +127,7 @@ async fn who_signs_with_another_key_is_refused() {
     assert_eq!(a.look().await.snapshot.members.len(), 2);
 }
 
-/// Liveliness of Zenoh may be wrong: an instance that is connected is not taken for dead by it.
+/// Checks that a wrong liveliness token of Zenoh does not end a connected instance.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn who_is_gone_is_taken_for_dead_at_once_and_who_is_connected_is_not() {
     let (url, robots) = database(2).await;

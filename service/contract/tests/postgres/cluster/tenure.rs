@@ -11,7 +11,7 @@ use tokio::time::timeout;
 use super::instance::{Instance, MOMENT, database, end_lease};
 use fleetcal_contract::own_server::Beside;
 
-/// Adds a user on the strength of a tenure.
+/// Job that adds a user under a tenure.
 #[derive(Debug)]
 struct AddUnder(Tenure, &'static str);
 
@@ -29,7 +29,7 @@ impl Job for AddUnder {
     }
 }
 
-/// Adds a user on the strength of a duty.
+/// Job that adds a user under a duty.
 #[derive(Debug)]
 struct AddOnDuty(Seat, &'static str);
 
@@ -74,7 +74,7 @@ async fn a_job_of_a_duty_that_has_gone_is_not_done() {
     assert!(!a.store.transact(IsThere("bob")).await.unwrap());
 }
 
-/// As long as a job of it runs, a duty does not go to another instance.
+/// Checks that a duty does not move to another instance while one of its jobs runs.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_duty_waits_for_what_is_written_on_its_strength() {
     let (url, _) = database(1).await;
@@ -120,7 +120,7 @@ async fn a_job_of_an_ended_tenure_is_refused() {
     assert!(!a.store.transact(IsThere("bob")).await.unwrap());
 }
 
-/// What the job read may be older than the end of the tenure: it is run again then.
+/// Checks that a job whose reads may be older than the end of the tenure is run again.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_takeover_between_a_job_s_first_look_and_its_fence_is_seen() {
     let (url, robots) = database(1).await;

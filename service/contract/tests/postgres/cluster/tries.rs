@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use super::instance::{Instance, database};
 use crate::proxy::{Cut, Proxy};
 
-/// Everybody can sign in again within this time after an instance was lost.
+/// Time within which everybody can sign in again after an instance was lost.
 const AGAIN_WITHIN: Duration = Duration::from_secs(5);
 
 fn of(key: &str, burst: u32) -> Try {
@@ -115,7 +115,7 @@ async fn who_has_signed_in_at_one_instance_is_known_to_the_others() {
     assert!(a.registry.has_signed_in(&pair(2)).await.unwrap());
 }
 
-/// One that is lost while it notes who has signed in holds what it has locked until the server gives it up.
+/// Loses an instance while it records a sign-in: it holds its locks until the server drops it.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_instance_that_is_lost_keeps_nobody_from_signing_in_at_the_others() {
     let (url, _) = database(1).await;

@@ -6,25 +6,25 @@ use fleetcal_proto::RobotId;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-/// Robots whose ids languages order otherwise than bytes do.
+/// Robots whose ids a collation orders differently from bytes.
 const ROBOTS: [&str; 6] = ["a", "B", "a-b", "a_c", "Ab", "a2"];
 
-/// One of several.
+/// Draws one of several.
 pub fn pick<T: Copy>(chance: &mut ChaCha8Rng, among: &[T]) -> T {
     among[chance.random_range(0..among.len())]
 }
 
-/// A robot.
+/// Draws a robot.
 pub fn robot(chance: &mut ChaCha8Rng) -> RobotId {
     fleetcal_contract::robot(pick(chance, &ROBOTS))
 }
 
-/// All robots.
+/// Returns all robots.
 pub fn robots() -> impl Iterator<Item = RobotId> {
     ROBOTS.into_iter().map(fleetcal_contract::robot)
 }
 
-/// A whole number, sometimes one at the edge.
+/// Draws an integer, sometimes an extreme one.
 pub fn number(chance: &mut ChaCha8Rng) -> i64 {
     match chance.random_range(0..10) {
         0 => i64::MAX,
@@ -34,7 +34,7 @@ pub fn number(chance: &mut ChaCha8Rng) -> i64 {
     }
 }
 
-/// A real number, sometimes one at the edge.
+/// Draws a real number, sometimes an extreme one.
 pub fn real(chance: &mut ChaCha8Rng) -> f64 {
     match chance.random_range(0..12) {
         0 => 0.1 + 0.2,
@@ -46,7 +46,7 @@ pub fn real(chance: &mut ChaCha8Rng) -> f64 {
     }
 }
 
-/// Words in several scripts, with what SQL and JSON quote.
+/// Draws words in several scripts, with characters that SQL and JSON quote.
 pub fn words(chance: &mut ChaCha8Rng) -> String {
     const WORDS: [&str; 12] = [
         "",
@@ -66,7 +66,7 @@ pub fn words(chance: &mut ChaCha8Rng) -> String {
     (0..count).map(|_| pick(chance, &WORDS)).collect()
 }
 
-/// A time in the minutes around the clock's.
+/// Draws a time in the minutes around the clock's.
 pub fn time(chance: &mut ChaCha8Rng) -> WallTime {
     WallTime((NOW_S + chance.random_range(0..600)) * 1_000_000_000 + chance.random_range(0..9))
 }

@@ -17,19 +17,19 @@ use fleetcal_store::{
 use super::chance::robots;
 use super::methods::Calls;
 
-/// More of anything than a sequence makes.
+/// Limit above the size of any sequence's records.
 const MANY: u32 = 10_000;
-/// Numbers that a sequence may give, and some that it does not.
+/// Numbers that a sequence may assign, and some that it does not.
 const NUMBERS: std::ops::Range<u64> = 0..9;
 
-/// An export that is written.
+/// Export in progress.
 struct Export<'s> {
     store: &'s Store,
     calls: &'s Calls,
     text: String,
 }
 
-/// Calls a method of the store, notes which of the reader's it is, and keeps the answer.
+/// Calls a method of the store, records its name, and keeps the answer.
 macro_rules! ask {
     ($export:expr, $name:literal, $method:ident ( $($argument:expr),* )) => {{
         let answer = $export.store.$method($($argument),*).await.unwrap();
@@ -39,7 +39,7 @@ macro_rules! ask {
     }};
 }
 
-/// Rounds what sums go into, whose last bit depends on their order, to 13 digits.
+/// Rounds means, whose last bit depends on the order of summation, to 13 digits.
 fn round_means(stretch: &mut Stretch) {
     let round = |value: &mut f64| *value = format!("{value:.12e}").parse().unwrap();
     stretch.nis.iter_mut().for_each(round);
@@ -49,7 +49,7 @@ fn round_means(stretch: &mut Stretch) {
     }
 }
 
-/// Everything that the store gives, by every method that reads.
+/// Exports everything that the store's reading methods return.
 pub async fn everything(store: &Store, calls: &Calls) -> String {
     let mut export = Export {
         store,

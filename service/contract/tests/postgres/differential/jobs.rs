@@ -26,7 +26,7 @@ mod access;
 mod alerts;
 mod webhooks;
 
-/// What is done.
+/// Kind of an operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     AddUser,
@@ -93,7 +93,7 @@ impl Kind {
     ];
 }
 
-/// One operation, the same whenever it is run on the same records.
+/// One operation, which repeats exactly on the same records.
 #[derive(Debug, Clone)]
 pub struct Operation {
     pub kind: Kind,
@@ -102,7 +102,7 @@ pub struct Operation {
     pub calls: Calls,
 }
 
-/// An operation that runs: chance, and what the database has answered.
+/// Operation in progress: its random source, and the database's answers.
 struct Run<'r> {
     records: &'r mut dyn Records,
     chance: ChaCha8Rng,
@@ -111,7 +111,7 @@ struct Run<'r> {
     told: String,
 }
 
-/// Calls a method of the records, notes the call, and keeps the answer.
+/// Calls a method of the records, records the call, and keeps the answer.
 macro_rules! ask {
     ($run:expr, $method:ident ( $($argument:expr),* )) => {{
         let answer = $run.records.$method($($argument),*).await?;

@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::chance::{number, pick, real, words};
 
-/// An outcome that changes nothing yet.
+/// Makes an outcome without changes.
 fn unchanged(ledger: RobotLedger) -> Outcome {
     Outcome {
         ledger,
@@ -26,7 +26,7 @@ fn unchanged(ledger: RobotLedger) -> Outcome {
     }
 }
 
-/// Proposes a new revision in place of what is open.
+/// Proposes a new revision in place of the open one.
 pub fn propose(ledger: RobotLedger, ids: NextIds, seed: u64) -> Outcome {
     let chance = &mut ChaCha8Rng::seed_from_u64(seed);
     let robot = ledger.shadow.robot.clone();
@@ -77,7 +77,7 @@ pub fn propose(ledger: RobotLedger, ids: NextIds, seed: u64) -> Outcome {
     outcome
 }
 
-/// Ends what is open: in one of the ways without approval, or with a deployment.
+/// Closes the open proposal: in one of the ways without approval, or with a deployment.
 pub fn close(ledger: RobotLedger, ids: NextIds, seed: u64) -> Outcome {
     let chance = &mut ChaCha8Rng::seed_from_u64(seed);
     let mut outcome = unchanged(ledger);
@@ -151,7 +151,7 @@ fn deploy(outcome: &mut Outcome, open: &Proposal, ids: NextIds, chance: &mut Cha
     outcome.outbox.push(OutboxEntry::Approved(generation));
 }
 
-/// Brings what is under way to any other state, and sends or keeps something.
+/// Moves the deployment in progress to any other state, and sends or keeps a message.
 pub fn advance(ledger: RobotLedger, seed: u64) -> Outcome {
     let chance = &mut ChaCha8Rng::seed_from_u64(seed);
     let mut outcome = unchanged(ledger);

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-/// How often each method was called.
+/// Number of calls of each method.
 #[derive(Debug, Clone, Default)]
 pub struct Calls(Arc<Mutex<BTreeMap<&'static str, u32>>>);
 
 impl Calls {
-    /// Notes a call.
+    /// Counts a call.
     pub fn note(&self, method: &'static str) {
         *self.0.lock().unwrap().entry(method).or_default() += 1;
     }
@@ -25,7 +25,7 @@ impl Calls {
     }
 }
 
-/// The methods of the traits that a database implements.
+/// Returns the methods of the traits that a database implements.
 fn declared() -> Vec<(&'static str, &'static str)> {
     const RECORDS: [&str; 7] = [
         include_str!("../../../../store/src/transaction/accounts.rs"),

@@ -28,7 +28,7 @@ use told::tell;
 const OPERATIONS: usize = 50;
 /// Sequences that run at once, each on databases of its own.
 const AT_ONCE: usize = 4;
-/// Databases that are left to go with their server: dropping one takes half a second, and keeping
+/// Databases that are kept until their server ends: dropping one takes half a second, and keeping
 /// many takes 8 MB each.
 const KEPT: u64 = 50;
 
@@ -92,7 +92,7 @@ async fn sequence(server: &PostgresUrl, seed: u64, calls: &Calls) {
     }
 }
 
-/// Fills a store with what random operations write.
+/// Fills a store by random operations.
 pub async fn filled(store: &Store, operations: u64, calls: &Calls) {
     for seed in 0..operations {
         tell(store, seed);
@@ -107,7 +107,7 @@ pub async fn filled(store: &Store, operations: u64, calls: &Calls) {
     store.flush().await.unwrap();
 }
 
-/// One operation on both.
+/// Performs one operation on both.
 async fn operate(
     stores: &[Store; 2],
     chance: &mut ChaCha8Rng,

@@ -13,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::chance::{number, pick, real, robot, time, words};
 
-/// Tells a store something, for which nobody waits.
+/// Passes telemetry to a store without waiting.
 pub fn tell(store: &Store, seed: u64) {
     let chance = &mut ChaCha8Rng::seed_from_u64(seed);
     let robot = robot(chance);
@@ -46,12 +46,12 @@ pub fn tell(store: &Store, seed: u64) {
     }
 }
 
-/// One of few secrets, so that some of them are those of sessions and tokens.
+/// Draws one of few secrets, so that some match sessions and tokens.
 pub fn secret(chance: &mut ChaCha8Rng) -> SecretHash {
     SecretHash::of(&chance.random_range(0..8).to_string())
 }
 
-/// An event, often one that was told before.
+/// Draws an event, often one that was recorded before.
 fn event(chance: &mut ChaCha8Rng) -> HistoryEvent {
     let stamp_ns = RobotTime(chance.random_range(0..3));
     match chance.random_range(0..3) {

@@ -1,4 +1,4 @@
-//! Every rule: what it sees of a robot, its records and its newest deployment.
+//! Every rule: its sighting of a robot, its records and its newest deployment.
 
 use super::*;
 use crate::approval::{
@@ -6,7 +6,7 @@ use crate::approval::{
 };
 use crate::robot::Warning;
 
-/// One case of a rule: what it is given, and what it sees.
+/// Case of a rule: its situation, and the expected sighting.
 struct Case {
     view: RobotView,
     ledger: RobotLedger,

@@ -1,4 +1,4 @@
-//! One robot whose commands are taken as the lifecycle takes them.
+//! Bench of one robot, which applies commands as the lifecycle does.
 
 use fleetcal_model::{
     Consistency, Counts, DeploymentId, Generation, Parameter, ParameterStatus, Pose2, ProposalId,
@@ -17,7 +17,7 @@ use crate::approval::{
 
 pub(super) const NOW_NS: i64 = 1_763_700_000_000_000_000;
 
-/// An estimate that has converged on this steering offset.
+/// Estimate that has converged on this steering offset.
 pub(super) fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
     let parameter = |name: Parameter| ParameterDocument {
         value: match name {
@@ -59,20 +59,20 @@ pub(super) fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
     }
 }
 
-/// One robot whose commands are taken as the lifecycle takes them.
+/// Bench of one robot, which applies commands as the lifecycle does.
 pub(super) struct Bench {
     pub(super) ledger: RobotLedger,
     pub(super) ids: NextIds,
     pub(super) policy: Policy,
-    /// What the configuration says now.
+    /// Configured pose of the rear axle.
     pub(super) rear_axle: Option<Pose2>,
-    /// What was signed last.
+    /// Document that was signed last.
     pub(super) signed: Option<CalibrationDocument>,
     /// Wall time.
     pub(super) now: WallTime,
-    /// The drawing that the robot is configured with.
+    /// Configured drawing of the robot.
     pub(super) drawing: Option<Drawing>,
-    /// What the estimator says when somebody decides.
+    /// Present estimate at a decision.
     pub(super) present: Present,
 }
 
@@ -141,7 +141,7 @@ impl Bench {
         due(&self.ledger, &situation, &self.policy)
     }
 
-    /// Takes what is due by the service itself.
+    /// Applies the command that is due by the service itself.
     pub(super) fn do_due(
         &mut self,
         estimate: &EstimateDocument,
@@ -176,12 +176,12 @@ impl Bench {
         self.try_to(command, &person(name))
     }
 
-    /// Time goes on until a proposal may be refreshed.
+    /// Advances the time until a proposal may be refreshed.
     pub(super) fn wait(&mut self) {
         self.now.0 += 60 * 1_000_000_000;
     }
 
-    /// Brings the deployment under way to the trial.
+    /// Brings the deployment under way to its verification.
     pub(super) fn try_out(&mut self) {
         let offer = self.ledger.live.clone().unwrap().offer;
         let generation = offer.generation;
@@ -203,7 +203,7 @@ impl Bench {
     }
 }
 
-/// The robot as it is built by its drawing.
+/// Values of a robot that is built by its drawing.
 pub(super) fn nominal() -> CalibrationValues {
     CalibrationValues {
         lidar_x_m: 0.434,
@@ -220,7 +220,7 @@ pub(super) fn person(name: &str) -> Actor {
     }
 }
 
-/// An answer that the robot uses values of its own.
+/// Answer that the robot uses values of its own.
 pub(super) fn factory(offset_rad: f64, at_ns: WallTime) -> Applied {
     Applied {
         generation: Generation(0),

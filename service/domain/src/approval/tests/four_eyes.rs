@@ -1,4 +1,4 @@
-//! How many people a change takes, whoever moves the mark that it is measured from.
+//! Number of approvers of a change, whoever moves the mark that it is measured from.
 
 use fleetcal_model::{Pose2, WallTime};
 use fleetcal_proto::calibration::CalibrationValues;
@@ -9,7 +9,7 @@ use crate::approval::{
     Command, Drawing, Evidence, Origin, Refused, SecondApprover, Tolerance, automatic,
 };
 
-/// A LiDAR so far from its drawing, m.
+/// Values of a LiDAR at this distance from its drawing, m.
 fn moved(by_m: f64) -> CalibrationValues {
     CalibrationValues {
         lidar_x_m: nominal().lidar_x_m + by_m,
@@ -25,7 +25,7 @@ fn drawing(by_m: f64, by: Option<&str>) -> Option<Drawing> {
     })
 }
 
-/// A robot with this drawing, for which nothing was ever approved.
+/// Bench of a robot with this drawing and without any approval.
 fn new(drawing: Option<Drawing>) -> Bench {
     Bench {
         drawing,
@@ -45,7 +45,7 @@ impl Bench {
         self.take(command, by);
     }
 
-    /// How many the open proposal needs, and why more than one.
+    /// Approvals that the open proposal needs, and the reason for more than one.
     fn asks(&self) -> (u32, Option<SecondApprover>) {
         let open = self.ledger.open.as_ref().unwrap();
         (open.approvals_needed, open.second_approver)
@@ -56,7 +56,7 @@ impl Bench {
         self.ledger.open.is_none()
     }
 
-    /// Brings values to the robot, which proves them.
+    /// Brings values to the robot and verifies them.
     fn prove(&mut self, offset_rad: f64) {
         self.do_due(&estimate(offset_rad, 0), false);
         for name in ["ana", "bruno"] {

@@ -6,3 +6,4 @@ mod four_eyes;
 mod model;
 mod sequences;
 mod table;
+mod withdrawn;

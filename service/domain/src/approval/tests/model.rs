@@ -1,4 +1,4 @@
-//! A second opinion on one robot's records: it follows what a step gives and says what is wrong.
+//! Model of one robot's records, which follows each step's outcome and reports errors.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,31 +17,31 @@ use crate::approval::{
     difference,
 };
 
-/// The name under which the service itself acts.
+/// Name under which the service itself acts.
 const SERVICE: &str = "fleetcal";
 
-/// What the robot uses, as it has said: a generation and its values. `None` when nobody knows.
+/// Generation and values in use, as reported by the robot; `None` if unknown.
 type Used = Option<(Generation, CalibrationValues)>;
 
-/// Every record that there ever was of one robot, and what is known of it from outside.
+/// Every record that one robot ever had, and the facts known from outside.
 #[derive(Debug)]
 pub struct Model {
-    /// What the store would read before the next step.
+    /// Records that the store would read before the next step.
     pub ledger: RobotLedger,
     /// Every signed document by generation.
     pub envelopes: BTreeMap<Generation, Envelope>,
     revisions: BTreeMap<RevisionId, Revision>,
     proposals: BTreeMap<ProposalId, Proposal>,
     deployments: BTreeMap<DeploymentId, Deployment>,
-    /// The last `after` of every record in the audit.
+    /// Last `after` of every record in the audit.
     audited: BTreeMap<(&'static str, String), Value>,
-    /// What waits to be sent, one of each kind.
+    /// Entries of the outbox, one of each kind.
     outbox: BTreeMap<&'static str, OutboxEntry>,
-    /// The drawing that the robot is configured with.
+    /// Configured drawing of the robot.
     pub drawing: Option<Drawing>,
     used: Used,
     used_before: Used,
-    /// The highest generation that the robot has named.
+    /// Highest generation that the robot has named.
     heard: Generation,
     trusted: TrustedKeys,
     policy: Policy,
@@ -66,7 +66,7 @@ impl Model {
         }
     }
 
-    /// The records as the store reads them for `command`.
+    /// Records as the store reads them for `command`.
     pub fn read_for(&self, command: &Command) -> RobotLedger {
         let mut ledger = self.ledger.clone();
         if let Command::Acknowledge(applied) = command
@@ -96,7 +96,7 @@ impl Model {
         }
     }
 
-    /// Takes what a step gave for `command` at `now`, and checks all of it.
+    /// Applies the outcome of `command` at `now`, and checks all of it.
     pub fn take(&mut self, command: &Command, actor: &Actor, outcome: &Outcome, now: WallTime) {
         self.check_choice(command, actor, outcome);
         if let Command::Acknowledge(applied) = command {
@@ -116,8 +116,8 @@ impl Model {
         self.reload(outcome);
     }
 
-    /// What a person chose stands until a person, or the robot itself, replaces it; and who chose
-    /// it, why, and which values it brought back stay in the deployment.
+    /// Checks that a person's choice stands until a person, or the robot itself, replaces it; and
+    /// that the deployment keeps who chose it, why, and the restored values.
     fn check_choice(&self, command: &Command, actor: &Actor, outcome: &Outcome) {
         if matches!(command, Command::RollBack { .. }) {
             let asked = outcome.deployments.iter().rev().find_map(|one| {
@@ -162,7 +162,7 @@ impl Model {
         }
     }
 
-    /// Every changed record has its rows, and every row its change.
+    /// Checks that every changed record has its rows, and every row its change.
     fn take_audit(&mut self, outcome: &Outcome) {
         for transition in &outcome.transitions {
             let record = (transition.action().subject(), transition.subject_id());
@@ -242,8 +242,9 @@ impl Model {
         }
     }
 
-    /// One person approves only what is near to all that the robot may use by what others say than
-    /// who proposed and who approved; and something has to say it.
+    /// Checks that one person approves only changes near to all values that the robot may use by
+    /// the statement of others than who proposed and who approved; and that there is such a
+    /// statement.
     fn check_one_is_enough(&self, proposal: &Proposal, revision: &Revision) {
         let near = |from: &CalibrationValues| {
             let change = difference(from, &revision.values);
@@ -301,7 +302,7 @@ impl Model {
         }
     }
 
-    /// Every signed document is new, higher than all before, and says what its revision says.
+    /// Checks that every signed document is new, higher than all before, and equal to its revision.
     fn take_envelopes(&mut self, outcome: &Outcome) {
         for (generation, envelope) in &outcome.envelopes {
             let last = self.envelopes.keys().next_back().copied();
@@ -398,7 +399,7 @@ impl Model {
         }
     }
 
-    /// What the robot should hold follows from its deployments.
+    /// Checks that the desired calibration follows from the deployments.
     fn check_shadow(&self, shadow: &Shadow) {
         use DeploymentState as S;
         let last = self.deployments.values().next_back();
@@ -418,7 +419,7 @@ impl Model {
         assert!(shadow.verified.len() <= Shadow::VERIFIED_MAX);
     }
 
-    /// What has to reach the robot is in the outbox.
+    /// Checks that the outbox has every message that must reach the robot.
     fn check_live(&self, ledger: &RobotLedger) {
         let Some(live) = &ledger.live else { return };
         let generation = live.offer.generation;
@@ -435,7 +436,7 @@ impl Model {
         }
     }
 
-    /// Reads the records back as the store does: with no other revisions than those they name.
+    /// Reads the records back as the store does: with only the revisions that they name.
     fn reload(&mut self, outcome: &Outcome) {
         self.ledger = outcome.ledger.clone();
         let named = self.ledger.named_revisions();
@@ -446,7 +447,7 @@ impl Model {
     }
 }
 
-/// A record as JSON; it says the same when it is read back.
+/// Round trip of a record through JSON.
 fn there_and_back<T: Serialize + DeserializeOwned + PartialEq + std::fmt::Debug>(
     record: &T,
 ) -> Value {

@@ -1,4 +1,4 @@
-//! Long random histories of one robot: whatever happens in whatever order, the records agree.
+//! Long random histories of one robot: the records agree whatever happens, in any order.
 
 use fleetcal_model::{DeploymentId, Generation, ProposalId, RobotTime, Version, WallTime};
 use fleetcal_proto::RobotId;
@@ -18,10 +18,10 @@ use crate::approval::{
 /// Wall time at which the histories begin.
 const BEGIN_NS: i64 = 1_763_700_000_000_000_000;
 
-/// Something that somebody tries; numbers are taken relative to what there is.
+/// Attempt of a person, the robot or the service; numbers are relative to the present records.
 #[derive(Debug, Clone)]
 enum Attempt {
-    /// Somebody configures another drawing, or the configuration file does; or it is taken away.
+    /// Change of the drawing, by a person or in the configuration file; or its removal.
     Draw(Option<CalibrationValues>, bool),
     Propose(Origin, CalibrationValues),
     Approve {
@@ -76,7 +76,7 @@ fn values() -> impl Strategy<Value = CalibrationValues> {
     })
 }
 
-/// What a robot may report: JSON has no numbers that are none.
+/// Values that a robot may report, which JSON limits to finite numbers.
 fn reported() -> impl Strategy<Value = CalibrationValues> {
     values().prop_map(|values| CalibrationValues {
         steering_offset_rad: values.steering_offset_rad.min(1.0),
@@ -92,7 +92,7 @@ fn reason() -> impl Strategy<Value = &'static str> {
     prop_oneof![9 => Just("it weaves"), 1 => Just("  ")]
 }
 
-/// How far below the highest generation; -1 would be one that was never given out.
+/// Distance below the highest generation; -1 would be one that was never assigned.
 fn back() -> impl Strategy<Value = u64> {
     prop_oneof![12 => Just(1_u64), 3 => Just(2_u64), 2 => 0_u64..6]
 }
@@ -160,7 +160,7 @@ fn policy() -> impl Strategy<Value = Policy> {
     })
 }
 
-/// The command that an attempt is for these records; `None` of one that is none.
+/// Command of an attempt on these records; `None` if it makes none.
 #[expect(clippy::too_many_lines, reason = "one arm for each command")]
 #[expect(clippy::needless_pass_by_value, reason = "an attempt is used up")]
 fn command(attempt: Attempt, model: &Model, now: WallTime) -> Option<Command> {

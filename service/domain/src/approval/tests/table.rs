@@ -10,7 +10,7 @@ use crate::approval::{
     Deployment, DeploymentEvent, DeploymentState, InUse, ProposalEvent, ProposalState, Refused,
 };
 
-/// What a proposal becomes; `-` where the event is refused.
+/// States of a proposal after each event; `-` where it is refused.
 const PROPOSAL: &str = "
              ApproveInPart  Approve   Reject    Expire   Withdraw   Supersede   Refresh
 proposed     proposed       approved  rejected  expired  withdrawn  superseded  proposed
@@ -21,7 +21,7 @@ withdrawn    -              -         -         -        -          -           
 superseded   -              -         -         -        -          -           -
 ";
 
-/// What a deployment becomes; `-` where the event is refused.
+/// States of a deployment after each event; `-` where it is refused.
 const DEPLOYMENT: &str = "
                  Offer    Applied      Refused          Failed           Reverted
 queued           offered  -            -                -                -
@@ -55,24 +55,24 @@ rolled_back      -          -         -                   -             -
 rollback_failed  -          -         -                   -             -
 kept             -          -         -                   -             -
 
-                 TimeOut          RollBack
-queued           timed_out        withdrawn
-offered          timed_out        rolling_back
-applied          -                rolling_back
-verifying        -                rolling_back
-verified         -                -
-inconclusive     -                -
-refused          -                -
-failed           -                -
-timed_out        -                -
-withdrawn        -                -
-rolling_back     rollback_failed  rolling_back
-rolled_back      -                -
-rollback_failed  -                -
-kept             -                -
+                 TimeOut          RollBack      Withdraw
+queued           timed_out        -             withdrawn
+offered          timed_out        rolling_back  withdrawn
+applied          -                rolling_back  -
+verifying        -                rolling_back  -
+verified         -                -             -
+inconclusive     -                -             -
+refused          -                -             -
+failed           -                -             -
+timed_out        -                -             -
+withdrawn        -                -             -
+rolling_back     rollback_failed  rolling_back  -
+rolled_back      -                -             -
+rollback_failed  -                -             -
+kept             -                -             -
 ";
 
-/// The cells of a table: state, event, and what becomes of the state.
+/// Cells of a table: state, event, and the state after it.
 fn cells(text: &'static str) -> Vec<(&'static str, &'static str, &'static str)> {
     let mut cells = Vec::new();
     for block in text.split("\n\n") {

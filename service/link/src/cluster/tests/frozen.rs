@@ -8,16 +8,17 @@ use tokio::runtime::{Builder, Runtime};
 
 use super::*;
 
-/// The name of the threads that can be frozen.
+/// Name of the threads that can be frozen.
 const FREEZABLE: &str = "freezable";
-/// Every task that asks at the gate does so once a second at least, and within this time on a busy machine
-/// too.
+/// Time in which every task checks the gate at least once, on a busy machine too; each does so once
+/// a second.
 const ALL_HAVE_ASKED: Duration = Duration::from_secs(3);
-/// Estimates are put once a second: one that is new within this time after those before waits to be put.
+/// Time in which a new estimate is certainly not published yet, since estimates are published once
+/// a second.
 const BEFORE_THE_NEXT_PUT: Duration = Duration::from_millis(700);
 
-/// A clock that freezes the thread that asks for the running time, after reading it: what is done next
-/// rests on a time that is over.
+/// Clock that freezes the thread that reads the running time, after reading it: the thread's next
+/// action rests on an outdated time.
 #[derive(Debug)]
 struct FreezingClock {
     clock: Arc<MockClock>,
@@ -67,7 +68,7 @@ impl Clock for FreezingClock {
     }
 }
 
-/// Runs the tasks of a link on threads of their own.
+/// Makes a runtime that runs a link's tasks on threads of its own.
 fn threads() -> Runtime {
     let threads = Builder::new_multi_thread()
         .worker_threads(2)
@@ -77,8 +78,8 @@ fn threads() -> Runtime {
     threads.unwrap()
 }
 
-/// The model of the cluster permits this one put (`cluster/tests/model/`): an epoch tells robots and
-/// tools that it is late.
+/// Checks the one late put that the model of the cluster permits (`cluster/tests/model/`): robots
+/// and tools recognise it by its epoch.
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
 async fn an_instance_frozen_between_gate_and_put_puts_one_late_estimate() {
     let endpoint = free_endpoint();

@@ -16,7 +16,7 @@ fn table(robots: &[(&str, &str)]) -> RouteTable {
 
 const SCAN: &str = "sensor_msgs::msg::dds_::LaserScan_";
 
-/// The only route of a key.
+/// Returns the only route of a key.
 fn route<'k>(table: &RouteTable, key: &'k str) -> Option<Route<'k>> {
     let mut routes = table.routes(key);
     assert!(routes.len() <= 1, "{routes:?}");

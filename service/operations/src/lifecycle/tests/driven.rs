@@ -1,4 +1,4 @@
-//! A simulated robot drives through the whole service: mailbox, estimators, lifecycle and store.
+//! Simulated robot that drives through the whole service: mailbox, estimators, lifecycle and store.
 
 use fleetcal_model::{Generation, RobotTime, Stream};
 use fleetcal_proto::encoding::Encoding;
@@ -10,18 +10,18 @@ use fleetcal_robot::simulator::{
 
 use super::*;
 
-/// What the steering sensor of the robot shows when its wheel points straight ahead, rad.
+/// Steering offset of the robot, rad.
 const OFFSET_RAD: f64 = 0.05;
-/// Messages that are sent before the robot's task has to have taken them.
+/// Messages that are sent before the robot's task must have processed them.
 const BURST: usize = 32;
 
-/// A robot on the figure-eight whose stamps follow the bench's clock.
+/// Robot on the figure-eight whose stamps follow the bench's clock.
 pub(super) struct Driver {
     simulation: Simulation,
     pub(super) distance_m: f64,
 }
 
-/// A robot on the figure-eight that sends poses.
+/// Simulation of a robot on the figure-eight that sends poses.
 fn configuration(start_stamp_ns: i64) -> SimulationConfig {
     let mut config = SimulationConfig::figure_eight(5);
     config.start_stamp_ns = start_stamp_ns;
@@ -35,14 +35,14 @@ impl Driver {
         Self::with_clock(bench.clock.now().0)
     }
 
-    /// One whose vehicle changes on the way.
+    /// Driver whose vehicle changes on the way.
     pub(super) fn with_changes(bench: &Bench, changes: Vec<ScheduledChange>) -> Self {
         let mut config = configuration(bench.clock.now().0);
         config.changes = changes;
         Self::of(config)
     }
 
-    /// One whose message clock shows this time when it begins.
+    /// Driver whose message clock begins at this time.
     fn with_clock(start_stamp_ns: i64) -> Self {
         Self::of(configuration(start_stamp_ns))
     }
@@ -54,7 +54,7 @@ impl Driver {
         }
     }
 
-    /// The values that are right for this robot.
+    /// True values of this robot.
     pub(super) fn right_values(&self) -> CalibrationValues {
         let truth = self.simulation.parameters();
         CalibrationValues {
@@ -66,7 +66,7 @@ impl Driver {
         }
     }
 
-    /// Drives a second; the lifecycle then does what is due.
+    /// Drives a second; the lifecycle then applies due commands.
     pub(super) async fn second(&mut self, bench: &Bench) {
         let mut sent = 0;
         for emitted in self.simulation.run(1.0) {
@@ -105,7 +105,7 @@ impl Driver {
     }
 }
 
-/// Waits until the robot's task has taken all that was sent.
+/// Waits until the robot's task has processed all messages.
 async fn taken(bench: &Bench) {
     while bench.fleet.robot(&robot()).unwrap().counters.waiting > 0 {
         tokio::time::sleep(Duration::from_millis(1)).await;
@@ -163,8 +163,9 @@ async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
     assert_eq!(ledger.shadow.in_use.as_ref().unwrap().values, factory);
 }
 
-/// The scale of a LiDAR's ranges leaves its distance to the axle open by 0.5 %, but alike for the
-/// values in use and for those that prove them: more than the tolerance holds must not stop a proof.
+/// Case of a scale of the LiDAR's ranges, which leaves its distance to the axle uncertain by 0.5 %,
+/// but alike for the values in use and for those that verify them: an uncertainty beyond the
+/// tolerance must not prevent verification.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn values_of_a_lidar_far_from_the_axle_are_verified() {
     let bench = Bench::open(Policy::default()).await;
@@ -182,7 +183,7 @@ async fn values_of_a_lidar_far_from_the_axle_are_verified() {
     assert!((1e-4..5e-3).contains(&sigma_x_m), "{sigma_x_m}");
 }
 
-/// A year of nanoseconds.
+/// Year, ns.
 const YEAR_NS: i64 = 365 * 86_400 * 1_000_000_000;
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

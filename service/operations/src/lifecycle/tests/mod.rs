@@ -1,4 +1,4 @@
-//! The lifecycle on the real store and the real fleet, with a clock that the tests hold.
+//! Lifecycle on the real store and the real fleet, with a clock that the tests control.
 
 mod driven;
 mod requests;
@@ -31,7 +31,7 @@ use crate::robots::configure;
 
 const HOUR: Duration = Duration::from_hours(1);
 
-/// A service without its link and its API.
+/// Service without its link and its API.
 struct Bench {
     database: TestDatabase,
     clock: Arc<MockClock>,
@@ -110,7 +110,7 @@ impl Bench {
         }
     }
 
-    /// Ends the service and starts it again on what it has stored.
+    /// Stops the service and starts it again on its stored records.
     async fn restart(self) -> Self {
         self.lifecycle.stop().await;
         self.fleet.stop().await;
@@ -143,7 +143,7 @@ impl Bench {
         self.take(command, Actor::service()).await.unwrap();
     }
 
-    /// Gives the robot a drawing, or none; the service does what the configuration file says.
+    /// Sets or removes the robot's drawing; the service itself acts for the configuration file.
     async fn draw(&self, nominal: Option<CalibrationValues>, actor: Actor) {
         let place = |values: CalibrationValues| {
             Pose2::new(values.lidar_x_m, values.lidar_y_m, values.lidar_yaw_rad)
@@ -168,7 +168,7 @@ impl Bench {
         }
     }
 
-    /// As many people approve as have to.
+    /// Approves the open proposal as the required number of people.
     async fn agree(&self) {
         self.take(self.approval(), person("ana")).await.unwrap();
         if self.lifecycle.ledger(&robot()).open.is_some() {
@@ -182,7 +182,7 @@ impl Bench {
         self.agree().await;
     }
 
-    /// Sends everything that may be sent, as the link does; gives it.
+    /// Sends all messages that may be sent, as the link does; returns them.
     async fn send_outbox(&self) -> Vec<OutboxMessage> {
         let mut sent = Vec::new();
         for (robot, entry) in self.lifecycle.outbox().await.unwrap() {
@@ -194,14 +194,14 @@ impl Bench {
         sent
     }
 
-    /// The document that the robot gets when it asks.
+    /// Document in the answer to the robot's request.
     async fn asked(&self) -> Option<CalibrationDocument> {
         let trusted = TrustedKeys::new(vec![self.lifecycle.public_key()]).unwrap();
         let offered = self.lifecycle.approved(&robot(), None).await.unwrap();
         offered.map(|offered| offered.envelope.open(&trusted).unwrap())
     }
 
-    /// The robot's answer about a generation that was given out.
+    /// Answer of the robot about a generation that was sent.
     async fn answer(&self, generation: Generation, status: AppliedStatus) -> Result<(), Refused> {
         let envelope = self.store.envelope(&robot(), generation).await.unwrap();
         let applied = Applied {
@@ -220,7 +220,7 @@ impl Bench {
         }
     }
 
-    /// Brings an approved proposal to the point where the robot drives in verification.
+    /// Brings an approved proposal to the robot's verification.
     async fn drive_in_verification(&self) -> Generation {
         let generation = self.asked().await.unwrap().generation;
         self.send_outbox().await;
@@ -232,7 +232,7 @@ impl Bench {
         generation
     }
 
-    /// The robot says that it has applied a generation, and hears that this is stored.
+    /// Answers as the robot that it has applied a generation, and sends it the confirmation.
     async fn applies(&self, generation: Generation) {
         self.answer(generation, AppliedStatus::Applied)
             .await
@@ -264,12 +264,12 @@ impl Bench {
         self.take(command, person("ana")).await
     }
 
-    /// Lets the lifecycle do what is due.
+    /// Lets the lifecycle apply due commands.
     async fn look(&self) {
         self.lifecycle.look().await;
     }
 
-    /// Where the deployment under way stands.
+    /// State of the deployment under way.
     fn state(&self) -> Option<DeploymentState> {
         self.lifecycle
             .ledger(&robot())
@@ -278,7 +278,7 @@ impl Bench {
             .map(|live| live.state)
     }
 
-    /// What has become of every approved proposal, the first first.
+    /// State of every approved proposal's deployment, oldest first.
     async fn followed(&self) -> Vec<DeploymentState> {
         let deployments = self.store.deployments(&robot(), None, 100).await.unwrap();
         let proposals: Vec<_> = deployments.iter().filter_map(|one| one.proposal).collect();
@@ -286,13 +286,13 @@ impl Bench {
         followed.into_values().collect()
     }
 
-    /// The latest deployment, ended or not.
+    /// Latest deployment, ended or not.
     async fn latest(&self) -> Deployment {
         let deployments = self.store.deployments(&robot(), None, 1).await.unwrap();
         deployments.into_iter().next().unwrap()
     }
 
-    /// The generation that the robot is believed to use.
+    /// Generation in use by the records.
     fn used(&self) -> Option<Generation> {
         let ledger = self.lifecycle.ledger(&robot());
         ledger
@@ -302,7 +302,7 @@ impl Bench {
             .map(|in_use| in_use.generation)
     }
 
-    /// The robot's history, newest first.
+    /// History of the robot, newest first.
     async fn events(&self) -> Vec<EventRecord> {
         self.store.events(&robot(), None, 100).await.unwrap()
     }

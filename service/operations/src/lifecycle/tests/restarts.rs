@@ -1,4 +1,4 @@
-//! The service stops and starts again while something is under way.
+//! Restarts of the service while a deployment is under way.
 
 use fleetcal_domain::robot::{RobotState, RobotView};
 use fleetcal_robot::simulator::{Change, Pose2, ScheduledChange};
@@ -7,12 +7,12 @@ use super::driven::Driver;
 use super::*;
 use fleetcal_domain::approval::Present;
 
-/// Where the robot stands.
+/// State of the robot.
 fn standing(bench: &Bench) -> RobotState {
     bench.fleet.robot(&robot()).unwrap().state
 }
 
-/// Drives until the robot stands there, two minutes at most.
+/// Drives until the robot has this state, two minutes at most.
 async fn drive_until(bench: &Bench, driver: &mut Driver, state: RobotState) {
     for _ in 0..120 {
         if standing(bench) == state {
@@ -23,12 +23,12 @@ async fn drive_until(bench: &Bench, driver: &mut Driver, state: RobotState) {
     panic!("state: got {:?}, expected {state:?}", standing(bench));
 }
 
-/// Waits until the robot shows the estimate that was stored.
+/// Waits until the robot's view has the stored estimate.
 async fn restored(bench: &Bench) {
     shown(bench, |view| view.estimate.as_ref().map(drop)).await;
 }
 
-/// Waits until the robot shows something.
+/// Waits until the robot's view satisfies a condition.
 async fn shown<T>(bench: &Bench, what: impl Fn(&RobotView) -> Option<T>) -> T {
     for _ in 0..2_000 {
         if let Some(found) = what(&bench.fleet.robot(&robot()).unwrap()) {

@@ -1,4 +1,4 @@
-//! Back to what the robot used before, from wherever it stands.
+//! Returns to the calibration in use before, from every state.
 
 use fleetcal_domain::approval::{DeploymentAction, Transition};
 use fleetcal_domain::audit::Action;
@@ -6,7 +6,7 @@ use fleetcal_model::Generation;
 
 use super::*;
 
-/// An bench whose robot has a deployment in `state`, and could go back to its drawing.
+/// Bench whose robot has a deployment in `state`, and could return to its drawing.
 async fn office_in(state: DeploymentState) -> Bench {
     let bench = Bench::open(Policy::default()).await;
     bench.approve(0.02, Some(values(0.0))).await;
@@ -154,8 +154,8 @@ async fn with_nothing_under_way_it_goes_back_to_what_was_verified() {
     assert_eq!(bench.latest().await.reason.as_deref(), Some("it weaves"));
 }
 
-/// An bench whose robot was rolled back by a person from a verified calibration to the one
-/// before, and drives with that.
+/// Bench whose robot a person rolled back from a verified calibration to the one before, and which
+/// drives with that.
 async fn office_rolled_back_by_a_person(policy: Policy) -> Bench {
     let bench = Bench::open(policy).await;
     for offset_rad in [0.02, 0.05] {

@@ -15,7 +15,7 @@ async fn a_robot_that_starts_an_hour_later_gets_the_newest_once() {
     assert_eq!(bench.send_outbox().await.len(), 1);
     assert_eq!(bench.state(), Some(DeploymentState::Offered));
     bench.roll_back().await.unwrap();
-    assert_eq!(bench.latest().await.state, DeploymentState::TimedOut);
+    assert_eq!(bench.latest().await.state, DeploymentState::Withdrawn);
     bench.approve(0.03, None).await;
     let bench = bench.restart().await;
     bench.clock.advance(HOUR);
@@ -197,7 +197,7 @@ async fn a_robot_gets_a_word_of_now_however_long_it_was_away() {
     }
 }
 
-/// Two computers with an agent of one robot: one refuses, the other one has applied.
+/// Case of two computers with an agent of one robot: one refuses, the other one has applied.
 #[tokio::test]
 async fn a_confirmation_says_which_answer_is_stored() {
     let bench = Bench::open(Policy::default()).await;

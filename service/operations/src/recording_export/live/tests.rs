@@ -14,9 +14,9 @@ use tokio::task::JoinHandle;
 use super::*;
 
 const MESSAGES: usize = 64;
-/// As large as a piece.
+/// Size of a message, that of one piece.
 const MESSAGE_BYTES: usize = 1 << 20;
-/// Longer than any test takes.
+/// Duration beyond that of any test.
 const LONG: Duration = Duration::from_mins(10);
 const SHORT: Duration = Duration::from_millis(500);
 
@@ -32,7 +32,7 @@ fn message() -> Tapped {
     }
 }
 
-/// A recording that has begun, and the robot that it is of.
+/// Recording that has begun, and its robot.
 struct Begun {
     taps: Taps,
     pieces: mpsc::Receiver<Vec<u8>>,
@@ -60,7 +60,7 @@ fn begin(patience: Patience) -> Begun {
 }
 
 impl Begun {
-    /// The robot sends its messages, and waits for nobody.
+    /// Sends the robot's messages without waiting.
     async fn send(&self) {
         for _ in 0..MESSAGES {
             self.taps.offer(|| Some(message()));
@@ -68,7 +68,7 @@ impl Begun {
         }
     }
 
-    /// What becomes of it.
+    /// Result of the recording.
     async fn outcome(self) -> Result<(), LiveError> {
         let outcome = timeout(Duration::from_mins(1), self.recording).await;
         outcome.expect("the recording does not end").unwrap()
@@ -84,7 +84,8 @@ async fn read(mut pieces: mpsc::Receiver<Vec<u8>>) -> Vec<u8> {
     file
 }
 
-/// How many scans a file has, and how many it says were left out; it has to be whole.
+/// Numbers of scans in a file, and of messages that it reports as missing; the file must be
+/// complete.
 fn counted(file: &[u8]) -> (u64, u64) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");

@@ -21,7 +21,7 @@ use crate::paper_filter::{Equations, PaperFilter, Start, Tuning};
 use crate::report::{Section, Table};
 use crate::statistics::{mean, rms};
 
-/// Pages show thousandths of a degree.
+/// Resolution of angles on pages: thousandths of a degree.
 const SHOWN_DEG: f64 = 0.001;
 const STUDY: &str = "beside the paper's filter";
 
@@ -32,10 +32,10 @@ struct Off {
     nees: f64,
 }
 
-/// What one seed ended with.
+/// Outcome of one seed.
 struct Compared {
     ours: Off,
-    /// With the equations as printed and repaired, for each tuning.
+    /// Outcomes with the equations as printed and repaired, for each tuning.
     papers: [Vec<Off>; 2],
 }
 
@@ -51,7 +51,7 @@ struct Mean {
 /// Runs the study.
 ///
 /// # Errors
-/// Whatever a run ends with.
+/// The error of a run.
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let mut section = Section::new("6e. The paper's own filter on the same data");
     section.words(introduction(extent));
@@ -122,7 +122,7 @@ pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     Ok(section)
 }
 
-/// What is done.
+/// Describes the study.
 fn introduction(extent: &Extent) -> String {
     format!(
         "Its seven states, Euler steps, expanded equations and fixed first pose, written from the \
@@ -139,14 +139,14 @@ fn introduction(extent: &Extent) -> String {
     )
 }
 
-/// A row's robot with every seed.
+/// Runs a row's robot with every seed.
 fn compared(extent: &Extent, row: &Row) -> Result<Vec<Compared>, EvaluationError> {
     let seeds = extent.seeds();
     let each = |&seed: &u64| compare(extent, row, seed);
     seeds.par_iter().map(each).collect()
 }
 
-/// Every combination of three noises of the drive, two of the LiDAR and four random walks.
+/// Returns every combination of three noises of the drive, two of the LiDAR and four random walks.
 fn tunings() -> Vec<Tuning> {
     let mut tunings = Vec::new();
     for (speed_mps, steering_deg) in [(0.01, 0.1), (0.03, 0.3), (0.1, 1.0)] {
@@ -165,7 +165,7 @@ fn tunings() -> Vec<Tuning> {
     tunings
 }
 
-/// What both filters are given.
+/// Data for both filters.
 #[derive(Debug, Clone, Copy)]
 enum Given {
     WheelOdometry(DriveSample),
@@ -215,7 +215,7 @@ fn compare(extent: &Extent, row: &Row, seed: u64) -> Result<Compared, Evaluation
     Ok(Compared { ours, papers })
 }
 
-/// The paper inflates its covariance when it starts from zero.
+/// Makes the paper's start, which inflates its covariance when it starts from zero.
 fn start(nominal: Option<Pose2>) -> Start {
     let known = nominal.is_some();
     Start {
@@ -226,8 +226,8 @@ fn start(nominal: Option<Pose2>) -> Start {
     }
 }
 
-/// A drive sample describes the interval that ends at its stamp: a LiDAR pose inside that interval
-/// is predicted to with the part of it that lies before.
+/// Feeds the filter. A drive sample describes the interval that ends at its stamp: a LiDAR pose
+/// inside that interval is predicted to with the part of it that lies before.
 fn follow(mut filter: PaperFilter, given: &[Given]) -> PaperFilter {
     let mut reached: Option<RobotTime> = None;
     let mut waiting: Vec<(RobotTime, Pose2)> = Vec::new();
@@ -281,13 +281,13 @@ impl Mean {
         }
     }
 
-    /// Distance from the truth in one number: 1 mm counts as much as 0.01°.
+    /// Returns the distance from the truth in one number: 1 mm counts as much as 0.01°.
     fn distance(&self) -> f64 {
         1e3 * self.position_m + 1e2 * (self.yaw_deg + self.steering_deg)
     }
 
-    /// Nearer the truth in position, yaw and steering, and nearer a right NEES from above. Angles
-    /// within what any page shows of each other are equal.
+    /// True if it is nearer the truth in position, yaw and steering, and nearer the expected NEES
+    /// from above. Angles within the resolution of the pages are equal.
     fn is_better_than(&self, other: &Self) -> bool {
         self.position_m < other.position_m
             && self.yaw_deg < other.yaw_deg + SHOWN_DEG
@@ -296,7 +296,7 @@ impl Mean {
     }
 }
 
-/// Over all seeds of a row, with one tuning.
+/// Returns the mean over all seeds of a row, with one tuning.
 fn mean_of(row: &[Compared], equations: usize, tuning: usize) -> Mean {
     let each: Vec<_> = row
         .iter()
@@ -305,7 +305,7 @@ fn mean_of(row: &[Compared], equations: usize, tuning: usize) -> Mean {
     Mean::of(&each)
 }
 
-/// The tuning that comes nearest the truth over all rows, each weighed alike.
+/// Returns the tuning that comes nearest the truth over all rows, with equal weights.
 fn best_over_all(rows: &[Vec<Compared>], equations: usize) -> usize {
     let distance = |tuning: &usize| {
         let each = rows
@@ -319,7 +319,7 @@ fn best_over_all(rows: &[Vec<Compared>], equations: usize) -> usize {
         .unwrap_or_default()
 }
 
-/// The repaired filter with the tuning that comes nearest the truth in this row.
+/// Returns the repaired filter's result with the tuning that comes nearest the truth in this row.
 fn best(row: &[Compared]) -> Mean {
     let means = (0..tunings().len()).map(|tuning| mean_of(row, 1, tuning));
     means

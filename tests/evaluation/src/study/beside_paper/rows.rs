@@ -6,17 +6,17 @@ use fleetcal_robot::simulator::{Change, ScheduledChange, Slip};
 use crate::drive::Robot;
 use crate::robots::{NANO_CAD, TUGGER_CAD, laden, mount, nano, tugger};
 
-/// One row: a robot, and where both filters start (`None`: from nothing).
+/// One row: a robot, and the start of both filters (`None`: from nothing).
 pub struct Row {
-    /// What the data are.
+    /// Description of the data.
     pub name: &'static str,
-    /// The mount that both filters are told.
+    /// Nominal mount for both filters.
     pub nominal: Option<Pose2>,
-    /// The robot of a seed; what happens to it happens at the given time, s.
+    /// Robot of a seed; its events happen at the given time, s.
     pub robot: fn(u64, f64) -> Robot,
 }
 
-/// All rows.
+/// Returns all rows.
 pub fn rows() -> Vec<Row> {
     vec![
         Row {
@@ -67,7 +67,7 @@ pub fn rows() -> Vec<Row> {
     ]
 }
 
-/// The paper's assumptions hold: no slip, no late stream, wheels as configured.
+/// Makes a robot that obeys the paper's assumptions: no slip, no late stream, wheels as configured.
 fn ideal(seed: u64, half_s: f64) -> Robot {
     let mut robot = unladen(seed, half_s);
     let vehicle = &mut robot.simulation.vehicle;
@@ -81,7 +81,7 @@ fn unladen(seed: u64, _: f64) -> Robot {
     tugger(seed, mount(0.43, 0.0046, 0.72), 0.92)
 }
 
-/// It localises well, but nobody tells the calibrator where its LiDAR is.
+/// Makes a robot that localises well, while its calibrator does not know the LiDAR's pose.
 fn backwards(seed: u64, _: f64) -> Robot {
     let mut robot = tugger(seed, mount(-0.3, 0.2, 170.0), 0.92);
     robot.simulation.applied.lidar_in_base = robot.simulation.vehicle.lidar_in_base;

@@ -1,0 +1,350 @@
+//! The coarse stage: a discrete search over x, y and yaw, scored on the occupied map.
+//!
+//! A random subsample of the scan is laid over the map at every pose of a grid bounded by how far
+//! the LiDAR can have come; the score is the number of points on occupied cells. It runs where the
+//! predicted pose does not fit: at a bad prediction, after missing scans, after a loss.
+
+use super::beam_filter::ScanPoints;
+use super::point_to_line::LocalMotion;
+use super::submap::{CELL_M, Cell, LocalOrigin, Submap};
+use crate::geometry::Pose2;
+
+/// Points of the subsample.
+const POINTS_SCORED: usize = 128;
+/// Candidates of the coarse grid that are looked at closely.
+const CANDIDATES: usize = 24;
+/// In a window that reaches farther, m, poses at which a quarter of the points fit badly are passed
+/// over.
+const WIDE_M: f64 = 4.0;
+/// Candidates that are held before the best are picked out.
+const CANDIDATES_HELD_MAX: usize = 1 << 16;
+/// Candidates that are returned.
+const BEST: usize = 4;
+/// Step of the coarse grid, in cells of the map, and the reach of its widened map.
+const COARSE_CELLS: i32 = 4;
+/// Step of the coarse grid in yaw, rad: 2.5°, half a step moves a point at 10 m by two cells.
+const COARSE_YAW_RAD: f64 = 0.044;
+/// Edge of the picture of the map, in cells (±25.6 m).
+const EDGE: i32 = 512;
+const WORDS: usize = (EDGE / 64) as usize;
+
+/// How far to search on each side of the guess.
+#[derive(Debug, Clone, Copy)]
+pub struct Window {
+    /// In x and y, m.
+    pub reach_m: f64,
+    /// In yaw, rad.
+    pub yaw_rad: f64,
+}
+
+/// The occupied cells around the LiDAR, one bit a cell.
+struct Picture {
+    low: Cell,
+    rows: Vec<[u64; WORDS]>,
+}
+
+impl Picture {
+    fn of(submap: &Submap, centre: Cell) -> Self {
+        let low = Cell {
+            x: centre.x - EDGE / 2,
+            y: centre.y - EDGE / 2,
+        };
+        let mut picture = Self {
+            low,
+            rows: vec![[0; WORDS]; EDGE as usize],
+        };
+        submap.for_each_occupied(centre, EDGE / 2, |cell| {
+            let (x, y) = (cell.x - low.x, cell.y - low.y);
+            if let Some(row) = usize::try_from(y)
+                .ok()
+                .and_then(|y| picture.rows.get_mut(y))
+                && let Some(word) = usize::try_from(x >> 6).ok().and_then(|x| row.get_mut(x))
+            {
+                *word |= 1 << (x & 63);
+            }
+        });
+        picture
+    }
+
+    /// The picture with every occupied cell widened by `reach` cells on each side.
+    fn widened(&self, reach: usize) -> Self {
+        let mut wide: Vec<[u64; WORDS]> =
+            self.rows.iter().map(|row| widen_row(row, reach)).collect();
+        let narrow = wide.clone();
+        for (index, row) in wide.iter_mut().enumerate() {
+            let from = index.saturating_sub(reach);
+            let to = (index + reach + 1).min(narrow.len());
+            for other in narrow.get(from..to).unwrap_or_default() {
+                for (word, more) in row.iter_mut().zip(other) {
+                    *word |= more;
+                }
+            }
+        }
+        Self {
+            low: self.low,
+            rows: wide,
+        }
+    }
+
+    #[inline]
+    fn holds(&self, cell: Cell) -> bool {
+        let (x, y) = (cell.x - self.low.x, cell.y - self.low.y);
+        usize::try_from(y)
+            .ok()
+            .and_then(|y| self.rows.get(y))
+            .and_then(|row| row.get(usize::try_from(x >> 6).ok()?))
+            .is_some_and(|word| word >> (x & 63) & 1 == 1)
+    }
+
+    fn score(&self, cells: &[Cell], shift: Cell) -> u32 {
+        cells
+            .iter()
+            .map(|cell| {
+                u32::from(self.holds(Cell {
+                    x: cell.x + shift.x,
+                    y: cell.y + shift.y,
+                }))
+            })
+            .sum()
+    }
+}
+
+fn widen_row(row: &[u64; WORDS], reach: usize) -> [u64; WORDS] {
+    let mut wide = *row;
+    for _ in 0..reach {
+        let before = wide;
+        let mut from_left = 0;
+        for (word, &old) in wide.iter_mut().zip(&before) {
+            *word |= old << 1 | from_left;
+            from_left = old >> 63;
+        }
+        let mut from_right = 0;
+        for (word, &old) in wide.iter_mut().zip(&before).rev() {
+            *word |= old >> 1 | from_right;
+            from_right = old << 63;
+        }
+    }
+    wide
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Candidate {
+    score: u32,
+    yaw_step: i32,
+    shift: Cell,
+}
+
+impl Candidate {
+    /// The better first; of equals the one nearer to the guess.
+    fn rank(&self) -> (std::cmp::Reverse<u32>, i32) {
+        let Cell { x, y } = self.shift;
+        (
+            std::cmp::Reverse(self.score),
+            x.abs() + y.abs() + 2 * self.yaw_step.abs(),
+        )
+    }
+}
+
+/// A subsample of a scan, laid over the map at one yaw after the other.
+struct Overlay {
+    origin: LocalOrigin,
+    position: (f32, f32),
+    points: Vec<(f32, f32)>,
+    cells: Vec<Cell>,
+}
+
+impl Overlay {
+    fn new(points: &ScanPoints, deskew: &LocalMotion, guess: Pose2) -> Self {
+        let origin = LocalOrigin::near(guess.x_m, guess.y_m);
+        let (ox, oy) = origin.position_m();
+        let stride = points.len().div_ceil(POINTS_SCORED).max(1);
+        // Every fourth point first: any first part is spread over the scan.
+        let points = (0..4).flat_map(|phase| {
+            let part = points.iter().skip(phase * stride).step_by(4 * stride);
+            part.map(|point| deskew.deskew(point.x, point.y, point.tau_s))
+        });
+        Self {
+            origin,
+            position: ((guess.x_m - ox) as f32, (guess.y_m - oy) as f32),
+            points: points.collect(),
+            cells: Vec::with_capacity(POINTS_SCORED + 1),
+        }
+    }
+
+    fn centre(&self) -> Cell {
+        self.origin.locate(self.position.0, self.position.1).0
+    }
+
+    /// The cells of the points at a yaw.
+    fn cells_at(&mut self, yaw_rad: f64) -> &[Cell] {
+        let (s, c) = yaw_rad.sin_cos();
+        let (s, c) = (s as f32, c as f32);
+        let (px, py) = self.position;
+        self.cells.clear();
+        for &(x, y) in &self.points {
+            self.cells
+                .push(self.origin.locate(c * x - s * y + px, s * x + c * y + py).0);
+        }
+        &self.cells
+    }
+}
+
+/// The best poses within `window` of `guess` (whose points are deskewed by `deskew`), best first.
+pub fn search(
+    points: &ScanPoints,
+    submap: &Submap,
+    guess: Pose2,
+    deskew: &LocalMotion,
+    window: Window,
+) -> Vec<Pose2> {
+    let mut overlay = Overlay::new(points, deskew, guess);
+    let fine = Picture::of(submap, overlay.centre());
+    let coarse = fine.widened((COARSE_CELLS / 2) as usize);
+
+    // 1. Every pose of the coarse grid, on the widened map.
+    let mut candidates = Vec::new();
+    let yaw_steps = (window.yaw_rad / COARSE_YAW_RAD).ceil() as i32;
+    let reach = (window.reach_m / CELL_M / f64::from(COARSE_CELLS)).ceil() as i32;
+    let is_wide = window.reach_m > WIDE_M;
+    for yaw_step in -yaw_steps..=yaw_steps {
+        let cells = overlay.cells_at(guess.yaw_rad + f64::from(yaw_step) * COARSE_YAW_RAD);
+        for y in -reach..=reach {
+            for x in -reach..=reach {
+                let shift = Cell {
+                    x: x * COARSE_CELLS,
+                    y: y * COARSE_CELLS,
+                };
+                let first = cells.get(..cells.len() / 4).unwrap_or_default();
+                if is_wide && coarse.score(first, shift) * 2 < first.len() as u32 {
+                    continue;
+                }
+                candidates.push(Candidate {
+                    score: coarse.score(cells, shift),
+                    yaw_step,
+                    shift,
+                });
+            }
+        }
+        if candidates.len() > CANDIDATES_HELD_MAX {
+            keep_best(&mut candidates);
+        }
+    }
+    keep_best(&mut candidates);
+
+    // 2. The best of them closely, on the map as it is.
+    let mut close: Vec<_> = candidates
+        .iter()
+        .filter_map(|candidate| refine(&fine, candidate, guess.yaw_rad, &mut overlay))
+        .collect();
+    close.sort_by_key(|(score, _, _)| std::cmp::Reverse(*score));
+    close.dedup_by_key(|(_, yaw, shift)| ((*yaw * 1e6) as i64, shift.x, shift.y));
+    close
+        .into_iter()
+        .take(BEST)
+        .map(|(_, yaw_rad, shift)| {
+            let (x_m, y_m) = (f64::from(shift.x) * CELL_M, f64::from(shift.y) * CELL_M);
+            Pose2::new(guess.x_m + x_m, guess.y_m + y_m, yaw_rad)
+        })
+        .collect()
+}
+
+fn keep_best(candidates: &mut Vec<Candidate>) {
+    candidates.sort_unstable_by_key(Candidate::rank);
+    candidates.truncate(CANDIDATES);
+}
+
+/// The best pose around a candidate of the coarse grid: score, yaw and shift.
+fn refine(
+    fine: &Picture,
+    candidate: &Candidate,
+    guess_yaw_rad: f64,
+    overlay: &mut Overlay,
+) -> Option<(u32, f64, Cell)> {
+    let half = COARSE_CELLS / 2;
+    let mut best: Option<(u32, f64, Cell)> = None;
+    for quarter in -2..=2 {
+        let yaw_rad = guess_yaw_rad
+            + (f64::from(candidate.yaw_step) + 0.25 * f64::from(quarter)) * COARSE_YAW_RAD;
+        let cells = overlay.cells_at(yaw_rad);
+        for y in -half..=half {
+            for x in -half..=half {
+                let shift = Cell {
+                    x: candidate.shift.x + x,
+                    y: candidate.shift.y + y,
+                };
+                let score = fine.score(cells, shift);
+                if best.is_none_or(|(highest, _, _)| score > highest) {
+                    best = Some((score, yaw_rad, shift));
+                }
+            }
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::RobotTime;
+    use crate::lidar_odometry::beam_filter::BeamFilter;
+    use crate::lidar_odometry::local_map::LocalMap;
+    use crate::lidar_odometry::motion::Motion;
+    use crate::scan::{Scan, ScanShape};
+
+    /// A scan from the middle of a room of 9 m by 6 m with a pillar in a corner.
+    fn room() -> ScanPoints {
+        let ranges: Vec<f32> = (0..720)
+            .map(|beam| {
+                let (s, c) = (f64::from(beam) * std::f64::consts::TAU / 720.0).sin_cos();
+                let x = if c > 0.0 { 5.0 / c } else { -4.0 / c };
+                let y = if s > 0.0 { 3.5 / s } else { -2.5 / s };
+                let pillar = if s > 0.1 && c > 0.5 {
+                    2.6 / c.max(s)
+                } else {
+                    99.0
+                };
+                x.min(y).min(pillar) as f32
+            })
+            .collect();
+        let shape = ScanShape {
+            angle_min_rad: 0.0,
+            angle_increment_rad: std::f64::consts::TAU / 720.0,
+            time_increment_s: 0.0,
+            range_min_m: 0.1,
+            range_max_m: 30.0,
+        };
+        let scan = Scan::new(RobotTime(1), shape, ranges.into()).unwrap();
+        let mut points = ScanPoints::default();
+        BeamFilter::default().filter(&scan, scan.shape().time_increment_s, None, &mut points);
+        points
+    }
+
+    #[test]
+    fn a_pose_a_metre_and_forty_degrees_away_is_found() {
+        let points = room();
+        let mut map = LocalMap::default();
+        map.update(
+            &points,
+            &Motion::starting_at(Pose2::IDENTITY),
+            RobotTime(1),
+            0.01,
+        );
+        let deskew = LocalMotion::new(
+            &Motion::starting_at(Pose2::IDENTITY),
+            LocalOrigin::near(0.0, 0.0),
+        );
+        for (x, y, yaw) in [(1.0, 0.1, 0.7), (-0.7, 0.7, -0.7), (0.0, -1.2, 0.3)] {
+            let guess = Pose2::new(x, y, yaw);
+            let window = Window {
+                reach_m: 1.6,
+                yaw_rad: 1.05,
+            };
+            let best = search(&points, &map.submap, guess, &deskew, window)[0];
+            let off = best.translation().norm();
+            assert!(
+                off < 0.15 && best.yaw_rad.abs() < 0.04,
+                "{best:?} from {guess:?}"
+            );
+        }
+    }
+}

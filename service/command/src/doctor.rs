@@ -1,0 +1,311 @@
+//! `fleetcal doctor`: the joining checks over a recording.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use fleetcal_checks::{Cause, Finding, StreamReport};
+use fleetcal_clock::thread_cpu;
+use fleetcal_domain::robot::Mount;
+use fleetcal_estimator::{LidarOdometry, Pose2};
+use fleetcal_fleet::{Intake, JoiningChecks, ReadingSettings, scan_of};
+use fleetcal_robot::recording::{RecordedMessage, Recording};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::CommandError;
+use crate::output::{print_json, print_text};
+use crate::progress::Progress;
+use crate::recording::{RecordedStream, streams};
+use crate::robot_arguments::RobotArguments;
+
+/// Arguments of `fleetcal doctor`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
+    pub recording: PathBuf,
+    /// The robot whose recording it is.
+    #[command(flatten)]
+    pub robot: RobotArguments,
+    /// Yaw of the LiDAR by the drawing, in degrees: 180 where it looks backwards
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = yawed)]
+    pub nominal_yaw: Option<Mount>,
+    /// Print the whole result as one JSON document
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Results of the checks of a recording.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub(crate) struct DoctorReport {
+    schema_version: u32,
+    /// Name of the robot.
+    robot: String,
+    /// Way of the LiDAR, m.
+    way_m: f64,
+    /// CPU time of the checks, without that of reading and LiDAR odometry, s.
+    checks_cpu_s: f64,
+    /// CPU time of LiDAR odometry, s.
+    odometry_cpu_s: f64,
+    /// Each stream as it came.
+    streams: Vec<StreamRow>,
+    /// Every cause that is named, and an entry for each check that names none.
+    findings: Vec<FindingRow>,
+}
+
+impl DoctorReport {
+    /// Goes up by one whenever a field is renamed or removed, or means something else. A field that
+    /// is added leaves it.
+    pub(crate) const SCHEMA_VERSION: u32 = 1;
+}
+
+/// A stream as it came.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+struct StreamRow {
+    /// Name of the stream: `wheel_odometry`, `steering`, `speed`, `scan` or `lidar_odometry`.
+    stream: &'static str,
+    /// Topic of the recording.
+    topic: String,
+    /// Messages that came.
+    messages: u64,
+    /// Messages that were refused.
+    refused: u64,
+    /// Reason of the first refusal.
+    first_refusal: Option<String>,
+    /// Messages a second.
+    rate_hz: f64,
+    /// Median time between stamps, ms.
+    period_ms: Option<f64>,
+    /// Median time from stamp to arrival, ms.
+    age_ms: Option<f64>,
+    /// Distance of the latest stamps from a whole number of periods, ms: four in five are nearer.
+    uneven_ms: Option<f64>,
+    /// Messages with the stamp of the one before.
+    repeated: u64,
+    /// Messages stamped before the one before.
+    late: u64,
+    /// Waits of more than five periods and half a second.
+    gaps: u64,
+    /// The longest of them, s.
+    longest_gap_s: f64,
+    /// Names of the frames.
+    frames: Vec<String>,
+}
+
+/// Result of a check.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+struct FindingRow {
+    /// Name of the check: `steering` and so on.
+    check: &'static str,
+    /// State of the check: `ok`, `wrong`, `unsure` or `not_yet`.
+    state: &'static str,
+    /// Name of the cause, where one is named: `steering_degrees` and so on.
+    cause: Option<&'static str>,
+    /// Evidence, or the missing motion.
+    seen: String,
+    /// Remedy, where a cause is named.
+    advice: Option<&'static str>,
+    /// Way of the LiDAR until the cause was named, m.
+    after_m: Option<f64>,
+    /// Time until the cause was named, s.
+    after_s: Option<f64>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// One sentence, with the exit status that goes with it; of causes that were named, their number.
+pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
+    let recording = Recording::open(&arguments.recording)?;
+    let mut robot = arguments.robot.of(&recording)?;
+    robot.config.nominal_extrinsics = arguments.nominal_yaw.or(robot.config.nominal_extrinsics);
+    let mut run = Run {
+        intake: Intake::new(ReadingSettings::of(&robot.config)),
+        checks: JoiningChecks::new(&robot.config),
+        odometry: LidarOdometry::default(),
+        streams: streams(&robot.topics),
+        checks_cpu_s: 0.0,
+        odometry_cpu_s: 0.0,
+    };
+    let names = robot.topics.names();
+    let mut progress = Progress::over(recording.count(&names));
+    for message in recording.messages(&names)? {
+        run.take(&message?);
+        progress.advance();
+    }
+    progress.finish();
+    let report = run.report(robot.id.to_string());
+    if arguments.json {
+        print_json(&report)?;
+    } else {
+        print_text(&in_words(&report))?;
+    }
+    match report
+        .findings
+        .iter()
+        .filter(|row| row.cause.is_some())
+        .count()
+    {
+        0 => Ok(()),
+        causes => Err(CommandError::Found { causes }),
+    }
+}
+
+/// A recording on its way through the checks.
+struct Run {
+    intake: Intake,
+    checks: JoiningChecks,
+    odometry: LidarOdometry,
+    streams: Vec<RecordedStream>,
+    checks_cpu_s: f64,
+    odometry_cpu_s: f64,
+}
+
+impl Run {
+    fn take(&mut self, message: &RecordedMessage) {
+        let mut streams = self.streams.iter_mut();
+        let Some(stream) = streams.find(|stream| stream.carries(message)) else {
+            return;
+        };
+        let (of, form) = stream.kind();
+        let sighting = self.intake.sight(of, form, &message.payload);
+        let taken = stream.read(&mut self.intake, message);
+        let arrival_ns = i64::try_from(message.log_time_ns).unwrap_or(i64::MAX);
+        let began = thread_cpu();
+        self.checks.take(of, arrival_ns, sighting.as_ref(), &taken);
+        let checked = thread_cpu();
+        let scan = taken.as_ref().ok().and_then(scan_of);
+        let pose = scan.and_then(|scan| self.odometry.process(scan));
+        let moved = thread_cpu();
+        if let Some(pose) = &pose {
+            self.checks.take_odometry(pose);
+        }
+        let ended = thread_cpu();
+        self.checks_cpu_s +=
+            (checked.saturating_sub(began) + ended.saturating_sub(moved)).as_secs_f64();
+        self.odometry_cpu_s += moved.saturating_sub(checked).as_secs_f64();
+    }
+
+    fn report(&self, robot: String) -> DoctorReport {
+        let row = |report: StreamReport| {
+            let of = self
+                .streams
+                .iter()
+                .find(|stream| stream.kind().0 == report.stream);
+            stream_row(report, of.map(RecordedStream::topic).unwrap_or_default())
+        };
+        DoctorReport {
+            schema_version: DoctorReport::SCHEMA_VERSION,
+            robot,
+            way_m: self.checks.way_m(),
+            checks_cpu_s: self.checks_cpu_s,
+            odometry_cpu_s: self.odometry_cpu_s,
+            streams: self.checks.streams().into_iter().map(row).collect(),
+            findings: self
+                .checks
+                .findings()
+                .into_iter()
+                .map(finding_row)
+                .collect(),
+        }
+    }
+}
+
+/// A mount that is known by its yaw alone.
+fn yawed(degrees: &str) -> Result<Mount, String> {
+    let yaw_deg: f64 = degrees.parse().map_err(|_| "expected degrees".to_owned())?;
+    let pose = Pose2::new(0.0, 0.0, yaw_deg.to_radians());
+    Mount::try_from(pose).map_err(|refused| refused.to_string())
+}
+
+fn stream_row(report: StreamReport, topic: &str) -> StreamRow {
+    StreamRow {
+        stream: report.stream.name(),
+        topic: topic.to_owned(),
+        messages: report.messages,
+        refused: report.refused,
+        first_refusal: report.first_refusal,
+        rate_hz: report.rate_hz,
+        period_ms: report.period_ms,
+        age_ms: report.age_ms,
+        uneven_ms: report.uneven_ms,
+        repeated: report.repeated,
+        late: report.late,
+        gaps: report.gaps,
+        longest_gap_s: report.longest_gap_s,
+        frames: report.frames,
+    }
+}
+
+fn finding_row(finding: Finding) -> FindingRow {
+    let named = finding.cause.is_some();
+    FindingRow {
+        check: finding.check.name(),
+        state: finding.state.name(),
+        cause: finding.cause.map(Cause::name),
+        advice: finding.advice(),
+        after_m: named.then_some(finding.after_m),
+        after_s: named.then_some(finding.after_s),
+        seen: finding.seen,
+    }
+}
+
+/// The report as a person reads it: streams, then checks.
+fn in_words(report: &DoctorReport) -> String {
+    let mut lines = vec![
+        format!("{}: {:.1} m", report.robot, report.way_m),
+        String::new(),
+    ];
+    for row in &report.streams {
+        lines.push(stream_words(row));
+        if let Some(reason) = &row.first_refusal {
+            lines.push(format!(
+                "{:<16} {} refused, the first: {reason}",
+                "", row.refused
+            ));
+        }
+    }
+    lines.push(String::new());
+    for row in &report.findings {
+        let state = row.state.replace('_', " ").to_uppercase();
+        lines.push(
+            format!("{state:<8} {:<10} {}", row.check, row.seen)
+                .trim_end()
+                .to_owned(),
+        );
+        if let (Some(advice), Some(after_m), Some(after_s)) = (row.advice, row.after_m, row.after_s)
+        {
+            lines.push(format!(
+                "{:<19} {advice} (seen after {after_m:.0} m, {after_s:.0} s)",
+                ""
+            ));
+        }
+    }
+    lines.push(String::new());
+    lines.join("\n")
+}
+
+fn stream_words(row: &StreamRow) -> String {
+    let mut words = vec![
+        format!("{:<16} {} messages", row.stream, row.messages),
+        format!("{:.1} Hz", row.rate_hz),
+    ];
+    let age = row
+        .age_ms
+        .map(|age_ms| format!("stamped {age_ms:.1} ms before arrival"));
+    let uneven = row
+        .uneven_ms
+        .map(|uneven_ms| format!("uneven by {uneven_ms:.1} ms"));
+    words.extend(age.into_iter().chain(uneven));
+    if row.gaps > 0 {
+        words.push(format!(
+            "{} gaps of up to {:.1} s",
+            row.gaps, row.longest_gap_s
+        ));
+    }
+    let counted = [(row.repeated, "with the stamp before"), (row.late, "late")];
+    let counted = counted.into_iter().filter(|(count, _)| *count > 0);
+    words.extend(counted.map(|(count, what)| format!("{count} {what}")));
+    let frames = row.frames.iter().filter(|name| !name.is_empty());
+    words.extend(frames.map(|name| format!("frame {name}")));
+    words.join(", ")
+}

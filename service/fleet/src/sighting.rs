@@ -1,0 +1,67 @@
+//! Content of a message before it is checked: what the joining checks look at.
+
+use fleetcal_model::{Pose2, RobotTime};
+use fleetcal_proto::ros::{Header, Pose};
+
+/// Content of a message, unchecked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sighting {
+    /// Its header stamp.
+    pub stamp: RobotTime,
+    /// Name of its frame: of a pose, that of what is at the pose.
+    pub frame: String,
+    /// Its content.
+    pub content: Sighted,
+}
+
+/// Content of a message.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Sighted {
+    /// Speed and steering angle as they were sent.
+    Wheels {
+        /// Speed, in the sender's unit.
+        speed: Option<f64>,
+        /// Steering angle, in the sender's unit.
+        steering: Option<f64>,
+    },
+    /// A scan or cloud.
+    Scan {
+        /// Time from one scan to the next that it states, s; 0 for none.
+        scan_time_s: f64,
+    },
+    /// A pose of the LiDAR.
+    Pose {
+        /// The pose in the plane.
+        pose: Pose2,
+        /// Tilt of its z axis, rad.
+        tilt_rad: f64,
+    },
+}
+
+impl Sighting {
+    pub(crate) fn of(header: &Header, content: Sighted) -> Self {
+        Self {
+            stamp: RobotTime(header.stamp.as_ns()),
+            frame: header.frame_id.clone(),
+            content,
+        }
+    }
+
+    pub(crate) fn of_wheels(header: &Header, speed: Option<f64>, steering: Option<f64>) -> Self {
+        Self::of(header, Sighted::Wheels { speed, steering })
+    }
+
+    pub(crate) fn of_pose(header: &Header, frame: &str, pose: &Pose) -> Self {
+        let (q, at) = (&pose.orientation, &pose.position);
+        let length = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
+        let upright = 1.0 - 2.0 * (q.x * q.x + q.y * q.y) / length;
+        let content = Sighted::Pose {
+            pose: Pose2::new(at.x, at.y, q.yaw_rad()),
+            tilt_rad: upright.clamp(-1.0, 1.0).acos(),
+        };
+        Self {
+            frame: frame.to_owned(),
+            ..Self::of(header, content)
+        }
+    }
+}
