@@ -239,6 +239,31 @@ test('with reduced motion nothing moves, and without it a change takes 150 ms', 
   expect(await takes()).toBe('0.15s');
   await page.emulateMedia({ reducedMotion: 'reduce' });
   expect(await takes()).toBe('0s');
+  // The same of a state that changes.
+  await page.evaluate(() => {
+    const counted = Object.assign(globalThis, { moves: 0 });
+    const { prototype } = Element;
+    const animate = prototype.animate;
+    prototype.animate = function (...how) {
+      const options = how[1];
+      if (typeof options === 'object' && Number(options.duration) > 0) counted.moves++;
+      return animate.apply(this, how);
+    };
+  });
+  const moves = () => page.evaluate(() => (globalThis as unknown as { moves: number }).moves);
+  let standing = 'fault';
+  await page.route(/\/api\/v1\/robots\/[^/]+$/, async (route) => {
+    const response = await route.fetch();
+    const robot = (await response.json()) as Record<string, unknown>;
+    await route.fulfill({ response, json: { ...robot, standing } });
+  });
+  const shown = (word: string) => page.locator('.hero .state', { hasText: word });
+  await expect(shown('Sensor fault')).toBeVisible({ timeout: 10_000 });
+  expect(await moves()).toBe(0);
+  await page.emulateMedia({ reducedMotion: 'no-preference' });
+  standing = 'drift';
+  await expect(shown('Drift')).toBeVisible({ timeout: 10_000 });
+  expect(await moves()).toBeGreaterThan(0);
 });
 
 test('the colours can be chosen and are kept', async ({ page }) => {
