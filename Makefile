@@ -319,6 +319,11 @@ build-loop: rust ## The developer's loop on an idle machine: touches a file, bui
 false-alarms: rust ## 3,000 simulated robot-hours without a change at the real threshold: under an hour
 	$(CARGO) run --release --locked -p fleetcal-estimator --example false_alarms -- campaign 3000
 
+.PHONY: campaigns
+campaigns: build-for-tests strace ## Tests of `make test` on all their samples (CONTRIBUTING.md): a quarter of an hour
+	FLEETCAL_CAMPAIGNS=1 $(CARGO) test --release --locked --workspace --test calibration
+	FLEETCAL_CAMPAIGNS=1 $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture durability::power::
+
 .PHONY: starts-in-motion
 starts-in-motion: rust ## 600 drives that are cut at 30 moments: claims, changes and convergence, two minutes
 	$(CARGO) test --release --locked -p fleetcal-estimator --test calibration -- --nocapture --ignored cut_at_30

@@ -9,6 +9,7 @@ use fleetcal_robot::simulator::{
 
 use crate::drawn::drawn;
 use crate::drive::{FOUR, event_of, vehicle_of};
+use crate::samples::samples;
 
 /// When the checkpoint is written that a robot is taken over from, s.
 const CHECKPOINT_S: f64 = 180.0;
@@ -17,9 +18,6 @@ const CHECKPOINT_S: f64 = 180.0;
 const LOST_S: f64 = 12.0;
 /// How long the robot drives from then on, s.
 const DRIVEN_S: f64 = 60.0;
-const SEEDS: u64 = 12;
-/// Robots on loops with their turns mostly to one side.
-const ONE_SIDED_SEEDS: u64 = 12;
 /// How much larger a sigma may be than that of the undisturbed estimator.
 const LESS_CERTAIN: f64 = 0.05;
 
@@ -85,7 +83,7 @@ fn certainty_lost(seed: u64, lost_s: f64) -> [f64; 4] {
 
 #[test]
 fn a_minute_after_a_takeover_nearly_nothing_is_less_certain() {
-    for seed in 1..=SEEDS {
+    for seed in 1..=samples(4, 12) {
         let lost = certainty_lost(seed, LOST_S);
         println!("seed {seed}: {lost:+.3?}");
         for (parameter, lost) in FOUR.into_iter().zip(lost) {
@@ -99,7 +97,7 @@ fn a_minute_after_a_takeover_nearly_nothing_is_less_certain() {
 /// with each new local map.
 #[test]
 fn a_restart_that_loses_no_message_leaves_y_as_certain_on_loops_to_one_side() {
-    for number in 0..ONE_SIDED_SEEDS {
+    for number in 0..samples(4, 12) {
         // Every third robot drives around the aisles.
         let seed = 3 * number + 1;
         let lost = certainty_lost(seed, 0.0);
