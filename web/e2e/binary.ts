@@ -25,7 +25,7 @@ interface Ports {
   zenoh: number;
 }
 
-/** What a browser keeps of somebody who signed in. */
+/** State of a browser in which somebody has signed in. */
 export interface SignedIn {
   cookies: {
     name: string;
@@ -79,7 +79,7 @@ export class Service {
   #robots: ChildProcess | undefined;
   #drives = 0;
   #log: string[] = [];
-  /** What it printed for people, whole. */
+  /** Its whole output for people. */
   #printed = '';
   #signedIn = new Map<string, Promise<SignedIn>>();
 
@@ -134,7 +134,7 @@ export class Service {
     }
   }
 
-  /** What stands behind a word that the service printed; waits until it has. */
+  /** Waits until the service has printed a line, and returns the text that the pattern captures. */
   async #told(pattern: RegExp): Promise<string> {
     const until = Date.now() + READY_WITHIN_MS;
     for (;;) {
@@ -188,7 +188,7 @@ export class Service {
     return { cookies: [cookie], origins: [] };
   }
 
-  /** Has simulated robots drive and send to the service; `rate` of their seconds pass in one. */
+  /** Starts simulated robots that drive and send; `rate` of their seconds pass in one. */
   simulate(robots = 1, rate = 1): void {
     const flags = ['--robots', String(robots), '--rate', String(rate), '--connect', this.zenoh];
     this.#robots = spawn(binary(), ['simulate', ...flags], { stdio: 'ignore' });
@@ -209,7 +209,7 @@ export class Service {
     await this.#execute([...sent, '--connect', this.zenoh]);
   }
 
-  /** Has the binary do something, to the end. */
+  /** Runs a command of the binary to its end. */
   async #execute(command: string[]): Promise<void> {
     const ended = once(spawn(binary(), command, { stdio: 'ignore' }), 'exit');
     const [status] = (await ended) as [number | null];
@@ -224,7 +224,7 @@ export class Service {
     this.#robots = spawn(python, [script, this.zenoh, id, binary()], { stdio: 'ignore' });
   }
 
-  /** Has the robots fall silent. */
+  /** Stops the robots. */
   async stopRobots(): Promise<void> {
     await end(this.#robots, 'SIGTERM');
   }
