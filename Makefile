@@ -39,7 +39,7 @@ build: dashboard rust ## Builds the dashboard and the binary
 .PHONY: dashboard
 dashboard: web/dist/index.html ## Builds the dashboard's pages
 
-web/dist/index.html: web/node_modules/.package-lock.json $(shell find web/src web/public web/index.html web/vite.config.ts -type f 2>/dev/null)
+web/dist/index.html: web/node_modules/.package-lock.json docs/glossary.md $(shell find web/src web/public web/index.html web/vite.config.ts -type f 2>/dev/null)
 	cd web && npm run build --silent
 	@touch $@
 

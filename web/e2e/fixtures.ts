@@ -118,4 +118,12 @@ export async function sideways(page: Page): Promise<number> {
   );
 }
 
+/** Opens a part of the robot's page that is shown. */
+export async function openPart(page: Page, name: 'Overview' | 'Evidence' | 'History' | 'Raw') {
+  const parts = page.getByRole('navigation', { name: 'Parts of this page' });
+  const link = parts.getByRole('link', { name });
+  await link.click();
+  await expect(link).toHaveAttribute('aria-current', 'page');
+}
+
 export { expect };

@@ -18,6 +18,8 @@ test('a page finds the service again after it was killed', async ({ page, servic
     .getByRole('row')
     .filter({ has: page.getByRole('rowheader') })
     .first();
-  await expect(row.getByText('Online')).toBeVisible({ timeout: 20_000 });
+  await row.getByRole('button', { name: /^Numbers of / }).click();
+  const numbers = page.getByRole('complementary');
+  await expect(numbers.getByText('Online')).toBeVisible({ timeout: 20_000 });
   account.forgive(/ERR_CONNECTION_REFUSED|ERR_INCOMPLETE_CHUNKED|ERR_CONNECTION_RESET|ERR_EMPTY/);
 });

@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import type { RobotEvent } from '../api/types';
-import { eventFace, eventMarks, eventText, joined } from './events';
+import { eventFace, eventMarks, wordsAt, eventText, joined } from './events';
 
 const event: RobotEvent = {
   id: 1,
@@ -36,7 +36,16 @@ describe('an event', () => {
   });
 
   it('marks its time on the charts', () => {
-    expect(eventMarks([event])).toEqual([{ t_s: Date.parse(event.time) / 1000, tone: 'bad' }]);
+    expect(eventMarks([event])).toEqual([
+      { t_s: Date.parse(event.time) / 1000, tone: 'bad', word: 'Calibration changed' },
+    ]);
+  });
+
+  it('is named by the cursor that is near, once', () => {
+    const marks = eventMarks([event, { ...event, kind: 'applied' }, event]);
+    const at_s = marks[0]?.t_s ?? 0;
+    expect(wordsAt(marks, at_s + 4, 5)).toEqual(['Calibration changed', 'Applied by the robot']);
+    expect(wordsAt(marks, at_s + 6, 5)).toEqual([]);
   });
 });
 

@@ -106,10 +106,16 @@ function changes(change: unknown): [name: string, by: number][] {
 
 /** Returns the marks of events on a chart. */
 export function eventMarks(events: readonly RobotEvent[]): EventMark[] {
-  return events.map((event) => ({
-    t_s: Date.parse(event.time) / 1000,
-    tone: eventFace(event.kind).tone,
-  }));
+  return events.map((event) => {
+    const { word, tone } = eventFace(event.kind);
+    return { t_s: Date.parse(event.time) / 1000, tone, word };
+  });
+}
+
+/** Returns the names of events within `near_s` of a time, each once, oldest first. */
+export function wordsAt(marks: readonly EventMark[], t_s: number, near_s: number): string[] {
+  const near = marks.filter((mark) => Math.abs(mark.t_s - t_s) <= near_s);
+  return [...new Set(near.toSorted((a, b) => a.t_s - b.t_s).map(({ word }) => word))];
 }
 
 /** True if both are the same event: one of the stream has no number, and may be completed later. */

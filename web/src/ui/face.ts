@@ -26,7 +26,8 @@ export type Shape =
   | 'clock-off'
   | 'dash'
   | 'signal';
-export type Tone = 'bad' | 'warn' | 'active' | 'good' | 'quiet';
+/** Tone of a mark; `ink` stands out without asking for a person: a size beyond a tolerance. */
+export type Tone = 'bad' | 'warn' | 'active' | 'good' | 'ink' | 'quiet';
 
 export interface Face {
   word: string;
