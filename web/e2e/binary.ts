@@ -188,10 +188,10 @@ export class Service {
     return { cookies: [cookie], origins: [] };
   }
 
-  /** Starts simulated robots that drive and send; `rate` of their seconds pass in one. */
-  simulate(robots = 1, rate = 1): void {
-    const flags = ['--robots', String(robots), '--rate', String(rate), '--connect', this.zenoh];
-    this.#robots = spawn(binary(), ['simulate', ...flags], { stdio: 'ignore' });
+  /** Starts simulated robots that drive and send to the service. */
+  simulate(robots = 1): void {
+    const flags = ['simulate', '--robots', String(robots), '--connect', this.zenoh];
+    this.#robots = spawn(binary(), flags, { stdio: 'ignore' });
   }
 
   /**
