@@ -27,6 +27,12 @@ describe('an event', () => {
     expect(told('vehicle')).toContain('pushed, towed or lifted');
   });
 
+  it('is never in amber, which asks a person to act', () => {
+    for (const kind of ['applied', 'reassembled', 'rolled_back', 'maintenance']) {
+      expect(eventFace(kind).tone).toBe('ink');
+    }
+  });
+
   it('keeps the words of a person', () => {
     expect(eventText({ ...event, details: null, note: 'New bracket' })).toBe('New bracket');
   });

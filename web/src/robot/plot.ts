@@ -12,7 +12,7 @@ const POINT_SIZE = 3.5;
 /** A mark of an event. */
 export interface EventMark {
   t_s: number;
-  tone: 'bad' | 'warn' | 'quiet';
+  tone: 'bad' | 'ink' | 'quiet';
   /** Name of the event, in two or three words. */
   word: string;
 }
@@ -237,7 +237,7 @@ function drawShape(
     ctx.lineTo(x, y + size);
     ctx.lineTo(x - size, y);
     ctx.closePath();
-  } else if (tone === 'warn') {
+  } else if (tone === 'ink') {
     ctx.rect(x - size * 0.8, y - size * 0.8, size * 1.6, size * 1.6);
   } else {
     ctx.arc(x, y, size * 0.7, 0, 2 * Math.PI);
@@ -258,7 +258,7 @@ export function plot(
   host: PlotHost,
 ): uPlot {
   const accent = colour('--accent');
-  const colours = { bad: colour('--bad'), warn: colour('--warn'), quiet: colour('--ink-faint') };
+  const colours = { bad: colour('--bad'), ink: colour('--ink'), quiet: colour('--ink-faint') };
   const levelColours = {
     applied: colour('--ink'),
     proposed: colour('--accent'),
