@@ -319,11 +319,6 @@ build-loop: rust ## The developer's loop on an idle machine: touches a file, bui
 false-alarms: rust ## 3,000 simulated robot-hours without a change at the real threshold: under an hour
 	$(CARGO) run --release --locked -p fleetcal-estimator --example false_alarms -- campaign 3000
 
-.PHONY: campaigns
-campaigns: build-for-tests strace ## Tests of `make test` on all their samples (CONTRIBUTING.md): a quarter of an hour
-	FLEETCAL_CAMPAIGNS=1 $(CARGO) test --release --locked --workspace --test calibration
-	FLEETCAL_CAMPAIGNS=1 $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture durability::power::
-
 .PHONY: starts-in-motion
 starts-in-motion: rust ## 600 drives that are cut at 30 moments: claims, changes and convergence, two minutes
 	$(CARGO) test --release --locked -p fleetcal-estimator --test calibration -- --nocapture --ignored cut_at_30
@@ -449,6 +444,7 @@ hardening-store: build-for-tests strace ## Each N-th write and sync of the datab
 	@mkdir -p $(HARDENING)
 	FLEETCAL_BIN=$(abspath $(BIN)) FAULTS_PROGRESS=$(HARDENING)/store.seeds \
 	  $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture --ignored durability::campaign::
+	POWER_IMAGES=2000 $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture durability::power::
 	FLEETCAL_BIN=$(abspath $(BIN)) HANGS_FOR_S=30 \
 	  $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture durability::hanging::
 	FLEETCAL_BIN=$(abspath $(BIN)) \

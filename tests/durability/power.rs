@@ -12,9 +12,8 @@ use crate::durability::said::Said;
 use crate::durability::trace::{self, Event};
 use crate::durability::witness::{Fault, Witness};
 
-/// Disks that are examined with the settings of the service, and in `make campaigns`.
+/// Disks that are examined with the settings of the service; `POWER_IMAGES` sets another number.
 const IMAGES: usize = 500;
-const IMAGES_OF_CAMPAIGN: usize = 2_000;
 /// Disks that are examined with settings that survive the process alone.
 const IMAGES_UNSAFE: usize = 200;
 /// Decisions of a recording; the log is checkpointed into the database more than once meanwhile.
@@ -102,12 +101,7 @@ async fn power_loss_takes_no_acknowledged_approval() {
         return;
     }
     let seed = std::env::var("POWER_SEED").map_or(1, |text| text.parse().unwrap());
-    let is_campaign = std::env::var_os("FLEETCAL_CAMPAIGNS").is_some();
-    let images = if is_campaign {
-        IMAGES_OF_CAMPAIGN
-    } else {
-        IMAGES
-    };
+    let images = std::env::var("POWER_IMAGES").map_or(IMAGES, |text| text.parse().unwrap());
     let found = lose_power_often("power", images, seed).await;
     println!(
         "{} images, {} acknowledged decisions on average: {} lost some, {} are not sound",

@@ -27,7 +27,6 @@ mod reassemblies;
 mod restarts;
 mod restarts_in_motion;
 mod reversed;
-mod samples;
 mod sigmas_after_restarts;
 mod starts_in_motion;
 #[expect(dead_code, reason = "an example measures each cause alone")]

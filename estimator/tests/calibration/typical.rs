@@ -11,7 +11,6 @@ use rand_distr::StandardNormal;
 
 use crate::drawn::drawn;
 use crate::drive::{Driven, FOUR, drive, error_of, poses, published_nees, vehicle_of};
-use crate::samples::samples;
 
 /// A tugger of which everything is drawn from the priors that docs/assumptions.md publishes, on the
 /// eight or in aisles by its seed. Asymmetry and quadratic curve are small on every other vehicle,
@@ -145,7 +144,7 @@ fn assert_true(run: &Driven, name: &str) {
 #[test]
 fn a_robot_with_all_typical_imperfections_makes_no_false_claim() {
     for (route_name, route) in routes() {
-        for seed in 1..=samples(3, 8) {
+        for seed in 1..=8 {
             let imperfections = Imperfections::all_typical(seed, false);
             let run = drive_on(route.clone(), imperfections, seed, 240.0);
             assert_true(&run, &format!("{route_name}, seed {seed}"));
@@ -188,7 +187,7 @@ fn a_robot_whose_y_waits_for_the_place_of_its_speed_encoder_says_so() {
 #[test]
 fn clocks_that_drift_apart_are_no_change() {
     for (route_name, route) in routes() {
-        for seed in 1..=samples(2, 6) {
+        for seed in 1..=6 {
             let kind = ImperfectionKind::ClockDrift;
             let imperfections = Imperfections::drawn(kind, Strength::Typical, seed);
             let run = drive_on(route.clone(), imperfections, seed, 600.0);
