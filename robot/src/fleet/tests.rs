@@ -383,7 +383,16 @@ async fn a_robot_stops_weaving_once_its_true_calibration_is_approved() {
     };
     let approved = Approved::answering(&session).await;
     let envelope = envelope_of(values, "tugger_01", Generation(1), 600);
+    let answers = collect(&session, "fleet/*/calibration/applied", Encoding::Json).await;
     approved.approve(&envelope).await;
+    let is_applied = |payload: &Vec<u8>| {
+        let answer: Acknowledgement = serde_json::from_slice(payload).unwrap();
+        answer.generation == Generation(1) && answer.status == AppliedStatus::Applied
+    };
+    until("it applied what was approved", || {
+        answers.lock().unwrap().values().flatten().any(is_applied)
+    })
+    .await;
     let from = errors_m().len() + SETTLING;
     until("it drove with what was approved", || {
         errors_m().len() >= from + READINGS
