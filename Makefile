@@ -444,6 +444,7 @@ hardening-store: build-for-tests strace ## Each N-th write and sync of the datab
 	@mkdir -p $(HARDENING)
 	FLEETCAL_BIN=$(abspath $(BIN)) FAULTS_PROGRESS=$(HARDENING)/store.seeds \
 	  $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture --ignored durability::campaign::
+	POWER_IMAGES=2000 $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture durability::power::
 	FLEETCAL_BIN=$(abspath $(BIN)) HANGS_FOR_S=30 \
 	  $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture durability::hanging::
 	FLEETCAL_BIN=$(abspath $(BIN)) \

@@ -54,16 +54,19 @@ interface Shared {
   command: 'demo' | 'serve' | 'unset';
   /** Tests that change what others look at have a service of their own, by this name. */
   own: string;
+  /** Seconds that pass for a demo's robots in one of real time. */
+  rate: number;
   service: Service;
 }
 
 export const test = base.extend<Given, Shared>({
   command: ['demo', { option: true, scope: 'worker' }],
   own: ['', { option: true, scope: 'worker' }],
+  rate: [4, { option: true, scope: 'worker' }],
 
   service: [
-    async ({ command }, use) => {
-      const service = await Service.start(command === 'demo' ? 'demo' : 'serve');
+    async ({ command, rate }, use) => {
+      const service = await Service.start(command === 'demo' ? 'demo' : 'serve', rate);
       await use(service);
       await service.stop();
     },

@@ -1,5 +1,8 @@
 import { expect, test } from './fixtures';
 
+// Stamps of robots that ran ahead would go back with a restart.
+test.use({ own: 'restart', rate: 1 });
+
 test('a page finds the service again after it was killed', async ({ page, service, account }) => {
   await page.goto('/');
   await expect(page.getByRole('rowheader')).toHaveCount(6);

@@ -3,7 +3,7 @@
 import { PROPOSED_WITHIN_MS, waiting } from './decisions';
 import { expect, test } from './fixtures';
 
-test.use({ as: 'approver' });
+test.use({ as: 'approver', rate: 1 });
 
 const DOCS = '../docs';
 
