@@ -85,6 +85,7 @@ pub fn estimate(name: &str, t_s: i64, offset_rad: f64, yaw_rad: f64) -> Estimate
             samples: 10,
         },
         counts: Counts::default(),
+        motions: None,
         lidar_in_base_link: None,
         estimated_by: None,
     }
