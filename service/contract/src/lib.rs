@@ -25,7 +25,7 @@ use fleetcal_store::{EventKind, EventSource, HistoryQuery, NewEvent, Store};
 
 pub use database::{SERVER, TestDatabase, server};
 pub use instance::{instance, joining, open_instance};
-pub use jobs::{AddUser, AppendAudit, IsThere, KeepRobot};
+pub use jobs::{AddUser, AppendAudit, IsThere, KeepCertificate, KeepRobot};
 
 /// Wall time at which the tests begin, s: 2026-01-01.
 pub const NOW_S: i64 = 1_767_225_600;
