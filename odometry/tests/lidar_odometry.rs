@@ -1,4 +1,4 @@
-//! LiDAR odometry against the truth of a simulated hall: accuracy, honesty, and what goes wrong.
+//! LiDAR odometry against the truth of a simulated hall: accuracy, honesty and failures.
 
 mod scene;
 
@@ -9,10 +9,10 @@ use fleetcal_odometry::{Pose2, RobotTime, Scan};
 use nalgebra::Vector3;
 use scene::{START, Scanner, Scene, figure_eight, seeded, straight};
 
-/// What the odometry said of a scan, and the LiDAR's true pose then.
+/// Result of the odometry for a scan, and the LiDAR's true pose then.
 type Pair = (OdometryPose, Pose2);
 
-/// Drives `route` and gives what the odometry said, for the scans that `keep` lets through.
+/// Drives `route` and returns the odometry's results, for the scans that `keep` lets through.
 fn drive(
     scene: &Scene,
     scanner: &Scanner,

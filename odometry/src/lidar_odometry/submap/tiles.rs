@@ -9,9 +9,9 @@ use super::surfel::{Line, Moments};
 
 /// Most tiles: 64 cells of 60 bytes each, 3.3 MiB in all.
 pub const TILES_MAX: usize = 900;
-/// Tiles that room is made for at first.
+/// Tiles that memory is reserved for at first.
 const TILES_AT_START: usize = 64;
-/// Tiles farther from the LiDAR are dropped, in tiles (80 m).
+/// Largest distance of a tile from the LiDAR, in tiles (80 m); farther ones are dropped.
 const TILE_DISTANCE_MAX: i32 = 100;
 
 /// The points of a square of cells, row by row, where they have any.
@@ -125,14 +125,14 @@ impl TilePool {
         around
     }
 
-    /// What a cell holds, where it has a tile.
+    /// Points of a cell, where it has a tile.
     #[inline]
     pub fn moments_mut(&mut self, cell: Cell) -> Option<&mut Moments> {
         let tile = self.tile_of(cell)?;
         self.moments.get_mut(tile)?.get_mut(cell.slot())
     }
 
-    /// What a cell holds, in a new tile if need be; the update is noted on the tile.
+    /// Points of a cell, in a new tile if need be; the update is noted on the tile.
     #[inline]
     pub fn moments_or_new(&mut self, cell: Cell, update: u32) -> Option<&mut Moments> {
         let tile = self.tile_or_new(cell, update)?;
