@@ -18,7 +18,7 @@ h1{font-size:1.5em;margin:0 0 .2em}h2{font-size:1em;margin:.9em 0 .2em}\
 section{break-inside:avoid;overflow-x:auto}\
 table{border-collapse:collapse;width:100%}\
 th,td{text-align:left;vertical-align:top;padding:.12em .8em .12em 0;border-bottom:1px solid #ddd;overflow-wrap:anywhere}\
-th{font-weight:600}th:first-child,td:first-child{width:24%}\
+th{font-weight:600}th[scope=row]{font-weight:400}th:first-child,td:first-child{width:24%}\
 code{font-size:.9em}footer{margin-top:1em;border-top:2px solid #222;padding-top:.4em;overflow-wrap:anywhere}\
 @media print{body{font-size:9.5px;margin:0;max-width:none;padding:0}}\
 </style>\n";
@@ -106,15 +106,21 @@ fn printable(text: &str) -> String {
 }
 
 fn table(section: &Section) -> String {
-    let cells = |row: &[String], tag: &str| -> String {
-        let cells = row
-            .iter()
-            .map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell)));
+    let line = |row: &[String], is_head: bool| -> String {
+        let cells = row.iter().enumerate().map(|(column, cell)| {
+            let cell = escaped(cell);
+            match (is_head, column) {
+                (true, 0) => "<td></td>".to_owned(),
+                (true, _) => format!("<th scope=\"col\">{cell}</th>"),
+                (false, 0) => format!("<th scope=\"row\">{cell}</th>"),
+                (false, _) => format!("<td>{cell}</td>"),
+            }
+        });
         format!("<tr>{}</tr>\n", cells.collect::<String>())
     };
     let head = headed(section);
-    let head = head.map_or_else(String::new, |head| cells(&head, "th"));
-    let rows: String = section.rows.iter().map(|row| cells(row, "td")).collect();
+    let head = head.map_or_else(String::new, |head| line(&head, true));
+    let rows: String = section.rows.iter().map(|row| line(row, false)).collect();
     format!(
         "<section><h2>{}</h2>\n<table>\n{head}{rows}</table></section>\n",
         escaped(section.title)
