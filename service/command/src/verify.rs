@@ -35,7 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     let trusted = TrustedKeys::new(arguments.key.clone()).map_err(CommandError::VerifyKeys)?;
     let mut lines = Lines::open(&arguments.certificate)?;
     let mut last = None;
-    while let Some((number, line)) = lines.next()? {
+    while let Some((number, line)) = lines.read_next()? {
         let opened = opened(&line, &trusted);
         let (envelope, document) = opened.map_err(|refused| CommandError::Certificate {
             path: arguments.certificate.clone(),
@@ -95,7 +95,7 @@ impl Lines {
 
     /// Reads the next line with its number, without its end. One that is too long is cut one byte
     /// beyond the limit, by which it is refused.
-    fn next(&mut self) -> Result<Option<(u64, Vec<u8>)>, CommandError> {
+    fn read_next(&mut self) -> Result<Option<(u64, Vec<u8>)>, CommandError> {
         let mut line = Vec::new();
         let mut limited = (&mut self.file).take(OFFERED_BYTES_MAX as u64 + 1);
         let read = limited.read_until(b'\n', &mut line);

@@ -72,14 +72,14 @@ pub(super) async fn get_certificate(
 
 /// The signed file, on one line.
 fn file(number: DeploymentId, envelope: &Envelope) -> Result<Response, Problem> {
-    let text = serde_json::to_string(envelope).map_err(corrupt)?;
+    let text = serde_json::to_string(envelope).map_err(|error| corrupt(&error))?;
     let name = format!("certificate-{number}.json");
     Ok(csv::file("application/json", &name, Body::from(text)))
 }
 
 fn page(envelope: &Envelope) -> Result<Response, Problem> {
-    let document: CertificateDocument =
-        serde_json::from_str(&envelope.document).map_err(corrupt)?;
+    let document = serde_json::from_str(&envelope.document);
+    let document: CertificateDocument = document.map_err(|error| corrupt(&error))?;
     let headers: [(HeaderName, &str); 2] = [
         (header::CONTENT_TYPE, "text/html; charset=utf-8"),
         (header::CONTENT_SECURITY_POLICY, PAGE_POLICY),
@@ -88,7 +88,7 @@ fn page(envelope: &Envelope) -> Result<Response, Problem> {
     Ok((headers, page).into_response())
 }
 
-fn corrupt(error: serde_json::Error) -> StoreError {
+fn corrupt(error: &serde_json::Error) -> StoreError {
     StoreError::Corrupt {
         table: "certificate",
         reason: error.to_string(),
