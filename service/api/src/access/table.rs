@@ -38,7 +38,7 @@ pub(crate) const TABLE: &[(&str, &str, Access)] = &[
     ("PUT", "/api/v1/deployments/freeze", Approver),
     ("GET", "/api/v1/audit", Viewer),
     ("GET", "/api/v1/certificates", Viewer),
-    ("GET", "/api/v1/certificates/{number}", Viewer),
+    ("GET", "/api/v1/certificates/{id}", Viewer),
     ("GET", "/api/v1/cluster", Viewer),
     ("GET", "/api/v1/alerts", Viewer),
     ("GET", "/api/v1/alerts/{id}", Viewer),

@@ -88,7 +88,7 @@ pub(super) struct CertificatePage {
 
 /// Lists the certificates of verified calibrations, newest first.
 ///
-/// Each line of a file is a certificate as `GET /certificates/{number}` returns it, for
+/// Each line of a file is a certificate as `GET /certificates/{id}` returns it, for
 /// `fleetcal verify`. A file is sent while it is read; if reading fails, the connection is closed
 /// before its end.
 #[utoipa::path(

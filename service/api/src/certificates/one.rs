@@ -1,4 +1,4 @@
-//! Route `GET /certificates/{number}`: one certificate, to be kept or printed.
+//! Route `GET /certificates/{id}`: one certificate, to be kept or printed.
 
 use axum::body::Body;
 use axum::extract::{Path, State};
@@ -31,10 +31,10 @@ pub(super) struct FormatParameters {
 /// what it says as one page.
 #[utoipa::path(
     get,
-    path = "/certificates/{number}",
+    path = "/certificates/{id}",
     tag = "approval",
     params(
-        ("number" = DeploymentId, Path,
+        ("id" = DeploymentId, Path,
             description = "The certificate: the number of the deployment which was verified."),
         FormatParameters,
     ),
@@ -60,7 +60,7 @@ pub(super) async fn get_certificate(
     let number = number
         .parse()
         .map(DeploymentId)
-        .map_err(|_| Problem::refused("number", &number, "a certificate's number"))?;
+        .map_err(|_| Problem::refused("id", &number, "a certificate's number"))?;
     let found = api.store.certificate(number).await?;
     let envelope = found.ok_or_else(|| unknown(number))?.envelope;
     if as_page {

@@ -131,7 +131,7 @@ async fn a_certificate_is_saved_signed_and_printed() {
     for (path, told) in [
         ("2", "404 certificate_unknown"),
         ("18446744073709551615", "404 certificate_unknown"),
-        ("one", "400 value_refused [number]"),
+        ("one", "400 value_refused [id]"),
         ("1?format=pdf", "400 value_refused [format]"),
     ] {
         let refused = bench.get(&format!("/api/v1/certificates/{path}")).await;
