@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use fleetcal_model::{
-    CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, Parameter,
+    CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, Motions, Parameter,
     ParameterStatus, Pose2, RobotId, RobotTime, SigmaTerm, Unit, VehicleModel,
 };
 use serde::{Deserialize, Serialize};
@@ -102,6 +102,10 @@ pub struct EstimateDocument {
     pub consistency: Consistency,
     /// Numbers of messages so far.
     pub counts: Counts,
+    /// Distance in each kind of motion that the estimate rests on; absent in documents of older
+    /// services.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motions: Option<Motions>,
     /// The LiDAR's pose in the vehicle's `base_link`, where that frame is configured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lidar_in_base_link: Option<Pose2>,

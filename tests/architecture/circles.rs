@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 27] = [
+pub const CRATES: [Member; 28] = [
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-proto", "proto", "model"),
     member("fleetcal-odometry", "odometry", "model"),
@@ -49,6 +49,11 @@ pub const CRATES: [Member; 27] = [
         "fleetcal-domain",
         "service/domain",
         "estimator limits model proto",
+    ),
+    member(
+        "fleetcal-certificate",
+        "service/certificate",
+        "domain model proto",
     ),
     member("fleetcal-cluster", "service/cluster", "domain model proto"),
     member(
@@ -85,7 +90,7 @@ pub const CRATES: [Member; 27] = [
     member(
         "fleetcal-operations",
         "service/operations",
-        "clock cluster domain estimator fleet model proto robot store",
+        "certificate clock cluster domain estimator fleet model proto robot store",
     ),
     member(
         "fleetcal-link",
@@ -106,7 +111,7 @@ pub const CRATES: [Member; 27] = [
     member(
         "fleetcal-api",
         "service/api",
-        "clock cluster domain estimator fleet http metrics model operations proto requests store",
+        "certificate clock cluster domain estimator fleet http metrics model operations proto requests store",
     ),
     member(
         "fleetcal-config",
@@ -116,7 +121,7 @@ pub const CRATES: [Member; 27] = [
     member(
         "fleetcal-command",
         "service/command",
-        "checks clock config domain estimator fleet model operations proto robot",
+        "certificate checks clock config domain estimator fleet model operations proto robot",
     ),
     member(
         "fleetcal",

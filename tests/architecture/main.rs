@@ -278,6 +278,7 @@ fn pure_crates_touch_no_outside_world() {
         "estimator/checks",
         "proto",
         "proto/model",
+        "service/certificate",
         "service/cluster",
         "service/domain",
         "service/limits",

@@ -24,6 +24,7 @@ pub mod simulate;
 mod table;
 mod timing;
 mod topics;
+pub mod verify;
 pub mod zenoh_words;
 
 use std::path::PathBuf;
@@ -35,7 +36,7 @@ use fleetcal_domain::robot::ValueRefused;
 use fleetcal_estimator::VehicleModel;
 use fleetcal_estimator::stream::FieldRefused;
 use fleetcal_model::RobotIdRefused;
-use fleetcal_proto::signing::TrustedKeysRefused;
+use fleetcal_proto::signing::{EnvelopeRefused, TrustedKeysRefused};
 use fleetcal_robot::agent::AgentError;
 use fleetcal_robot::fleet::{FleetError, RecordError, TooManyRobots};
 use fleetcal_robot::recording::{RecordingError, TopicError};
@@ -47,7 +48,7 @@ use crate::map_server::MapRefused;
 /// Future of a running command. It is compiled in this crate instead of the one that awaits it.
 pub type Boxed<'a> = Pin<Box<dyn Future<Output = Result<(), CommandError>> + 'a>>;
 
-/// Exit status of checks that named a cause.
+/// Exit status of checks that named a cause, or refused a certificate.
 pub const EXIT_FOUND: u8 = 1;
 /// Exit status of errors that the caller can correct.
 pub const EXIT_USAGE: u8 = 2;
@@ -202,6 +203,28 @@ pub enum CommandError {
         /// Number of causes.
         causes: usize,
     },
+    /// Too many keys to trust.
+    #[error("--key: {0}")]
+    VerifyKeys(#[source] TrustedKeysRefused),
+    /// A certificate is not genuine.
+    #[error("{}: line {line}: refused: {refused}", path.display())]
+    Certificate {
+        /// The file.
+        path: PathBuf,
+        /// Line of the file.
+        line: u64,
+        /// The check that failed.
+        refused: EnvelopeRefused,
+    },
+    /// A file without a certificate.
+    #[error("{}: got nothing, expected a certificate", .0.display())]
+    NoCertificate(PathBuf),
+    /// A page shows one certificate.
+    #[error("--html: got {certificates} certificates, expected one")]
+    OnePage {
+        /// Number of certificates of the file.
+        certificates: u64,
+    },
     /// The document could not be written as JSON.
     #[error("cannot write the result: {0}")]
     Json(#[from] serde_json::Error),
@@ -233,13 +256,15 @@ impl CommandError {
             | Self::WheelbaseMissing { .. }
             | Self::Robot { .. }
             | Self::Keys(_)
+            | Self::VerifyKeys(_)
+            | Self::OnePage { .. }
             | Self::Limits { .. }
             | Self::Imperfections { .. }
             | Self::TooManyRobots(_)
             | Self::OneRobot { .. }
             | Self::Record(_)
             | Self::OverRecording(_) => EXIT_USAGE,
-            Self::Found { .. } => EXIT_FOUND,
+            Self::Found { .. } | Self::Certificate { .. } | Self::NoCertificate(_) => EXIT_FOUND,
             Self::Task(_) | Self::Figure(_) => EXIT_FAILED,
             Self::Unusable { .. } => EXIT_DATA,
         }

@@ -160,6 +160,7 @@ impl RobotTask {
             return;
         }
         let mut document = document::estimate_document(&self.robot.id, &estimate);
+        document.motions = Some(document::motions(calibrator));
         if document::is_finite(&document) {
             self.place_in_base_link(&mut document);
             let state = state_of(&document, self.changed);
@@ -454,9 +455,12 @@ impl RobotTask {
     fn perform(&mut self, effect: Effect) -> bool {
         match effect {
             Effect::Estimate(estimate) => {
-                let document = document::estimate_document(&self.robot.id, &estimate);
+                let mut document = document::estimate_document(&self.robot.id, &estimate);
                 if !document::is_finite(&document) {
                     return false;
+                }
+                if let Engine::Running(calibrator) = &self.engine {
+                    document.motions = Some(document::motions(calibrator));
                 }
                 self.publish(document);
             }

@@ -112,7 +112,8 @@ impl VerificationRun {
     fn tell(&self, robot: &Robot, estimate: &Estimate) {
         // The values were measured by the LiDAR that they are compared with.
         let compared = without_range_scale(estimate.clone());
-        let document = document::estimate_document(&robot.id, &compared);
+        let mut document = document::estimate_document(&robot.id, &compared);
+        document.motions = Some(document::motions(&self.calibrator));
         if document::is_finite(&document) {
             robot.set_fresh(self.generation, Arc::new(document));
         }

@@ -251,6 +251,8 @@ pub const HISTORY_SECONDS_KEPT: Duration = Duration::from_hours(3 * 24);
 pub const HISTORY_MINUTES_KEPT: Duration = Duration::from_hours(90 * 24);
 /// Time for which hours of history, and events, are kept after their receipt.
 pub const HISTORY_HOURS_KEPT: Duration = Duration::from_hours(5 * 365 * 24);
+/// Time for which certificates are kept after the verification: five years and their leap days.
+pub const CERTIFICATES_KEPT: Duration = Duration::from_hours((5 * 365 + 2) * 24);
 /// Time for which answers to requests with an `Idempotency-Key` are kept.
 pub const IDEMPOTENCY_KEPT: Duration = Duration::from_hours(24);
 /// Old rows of one kind that are deleted at a time, once a second.
@@ -323,6 +325,8 @@ pub const APPROVED_AT_ONCE_MAX: usize = 500;
 pub const APPROVED_WITHIN: Duration = Duration::from_secs(4);
 /// Rows of the audit in one file.
 pub const AUDIT_FILE_ROWS_MAX: u32 = 100_000;
+/// Certificates in one file.
+pub const CERTIFICATE_FILE_ROWS_MAX: u32 = 100_000;
 /// Rows of a list or a file that are read at once; the next ones follow once the client has
 /// received these.
 pub const LIST_ROWS_AT_ONCE: u32 = 128;

@@ -3,6 +3,7 @@
 mod access;
 mod alerts;
 mod approval;
+mod certificates;
 mod cluster;
 mod description;
 mod export;

@@ -88,6 +88,8 @@ pub fn judge(
         residual,
         sigma,
         within,
+        limits: Some(limits),
+        evidence: Some(Evidence::of(verification)),
     })
 }
 

@@ -5,6 +5,7 @@
 //! is the asynchronous part between them.
 
 mod answers;
+mod certificate;
 mod cluster;
 mod decide;
 mod duty;
@@ -257,6 +258,7 @@ impl Lifecycle {
             rear_axle_in_base_link: self.inner.fleet.rear_axle_in_base_link(robot),
             present: self.present(robot),
             view: self.inner.fleet.robot(robot).map(Box::new),
+            cross_tracks: self.inner.fleet.cross_tracks(robot),
         };
         let decided = self.inner.store.transact(decision).await?;
         if let Decided::Taken(outcome) = &decided {

@@ -287,6 +287,8 @@ fn each_state_of_the_newest_deployment_fires_its_own_alert() {
                 residual: [0.02, 0.0, 0.0, 0.0],
                 sigma: [0.001; 4],
                 within: false,
+                limits: None,
+                evidence: None,
             }),
             ..latest
         });
@@ -314,6 +316,8 @@ fn a_failed_verification_clears_once_the_estimate_agrees_with_what_the_robot_use
                 residual: [0.02, 0.0, 0.0, 0.0],
                 sigma: [0.001; 4],
                 within: false,
+                limits: None,
+                evidence: None,
             });
             case.ledger.shadow.desired = Some(latest.offer.clone());
             case.latest = Some(latest);

@@ -54,6 +54,7 @@ pub(super) fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
         detection: None,
         consistency: Consistency::default(),
         counts: Counts::default(),
+        motions: None,
         lidar_in_base_link: None,
         estimated_by: None,
     }
