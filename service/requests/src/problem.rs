@@ -210,6 +210,7 @@ impl From<Refused> for Problem {
             Refused::Underway { .. } => conflict("deployment_underway"),
             Refused::Outdated(_) => conflict("proposal_outdated"),
             Refused::ReassemblyOpen => conflict("reassembly_open"),
+            Refused::TwoSenders => conflict("two_senders"),
             Refused::NoMaintenance => conflict("not_in_maintenance"),
             Refused::OutOfLimits { field, .. } => value(field),
             Refused::ReasonMissing => value("reason"),

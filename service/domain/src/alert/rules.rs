@@ -191,20 +191,15 @@ fn verification_failed(situation: &Situation<'_>) -> Seen {
 }
 
 fn two_senders(situation: &Situation<'_>) -> Seen {
-    Seen::firing_if(is_warned(situation, WarningKind::TwoSenders), || {
+    Seen::firing_if(situation.view.is_warned(WarningKind::TwoSenders), || {
         "two senders use the robot's id at once; nothing that they send is used".to_owned()
     })
 }
 
 fn former_key(situation: &Situation<'_>) -> Seen {
-    Seen::firing_if(is_warned(situation, WarningKind::FormerKey), || {
+    Seen::firing_if(situation.view.is_warned(WarningKind::FormerKey), || {
         "the robot sends its wheel odometry on the former key, and it is not used".to_owned()
     })
-}
-
-fn is_warned(situation: &Situation<'_>, kind: WarningKind) -> bool {
-    let warnings = &situation.view.warnings;
-    warnings.iter().any(|warning| warning.kind == kind)
 }
 
 fn false_report(situation: &Situation<'_>) -> Seen {

@@ -22,15 +22,18 @@ enum Meanwhile {
     Panic,
     /// The robot's configuration is changed.
     Configured,
+    /// A second sender uses the robot's id.
+    TwoSenders,
 }
 
-const ALL: [Meanwhile; 6] = [
+const ALL: [Meanwhile; 7] = [
     Meanwhile::Nothing,
     Meanwhile::Silence,
     Meanwhile::Restart,
     Meanwhile::Kill,
     Meanwhile::Panic,
     Meanwhile::Configured,
+    Meanwhile::TwoSenders,
 ];
 
 /// A note at a random instant, with a random stamp, beside a disturbance.
@@ -123,6 +126,13 @@ impl Instant {
                     )
                 };
                 self.bench.fleet.configure(&id(ROBOT), config).unwrap();
+            }
+            Meanwhile::TwoSenders => {
+                for _ in 0..40 {
+                    let message = drive(self.sent);
+                    self.bench.send_from(self.sent as u64 % 2, &message);
+                    self.sent += 1;
+                }
             }
         }
         if meanwhile != Meanwhile::Silence {
