@@ -268,6 +268,9 @@ impl From<FleetRefused> for Problem {
                 Self::new(StatusCode::CONFLICT, "robot_unregistered", detail)
             }
             FleetRefused::RobotsMax => Self::new(StatusCode::CONFLICT, "fleet_full", detail),
+            FleetRefused::Stopped(_) => {
+                Self::new(StatusCode::CONFLICT, "estimator_stopped", detail)
+            }
             FleetRefused::Elsewhere(_) => {
                 Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_elsewhere", detail)
             }

@@ -151,8 +151,8 @@ impl AlertKind {
                  access list per robot (docs/zenoh.md) keeps others from answering for it."
             }
             Self::EstimatorFailed => {
-                "Read the service's log, and give the robot's configuration again: its estimator \
-                 then begins again."
+                "Read the service's log and restart the service: the robot's estimator then goes on \
+                 from its last stored state."
             }
             Self::NoInstance => {
                 "Look on the health page at which instances are there and reach a Zenoh router, and \

@@ -282,3 +282,15 @@ async fn an_open_reassembly_is_shown_after_another_configuration_before_any_mess
     tokio::time::sleep(Duration::from_millis(50)).await;
     assert!(is_shown(), "{:?}", bench.view(ROBOT));
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_note_about_a_robot_whose_estimator_has_stopped_is_refused() {
+    let bench = bench_with(&[ROBOT], BTreeMap::new(), panicking);
+    for _ in 0..12 {
+        bench.send(ROBOT, Stream::WheelOdometry, &drive(13));
+    }
+    bench.worked_off(ROBOT).await;
+    assert_eq!(bench.view(ROBOT).state, RobotState::Failed);
+    let refused = bench.fleet.takes_notes(&id(ROBOT)).unwrap_err();
+    assert!(refused.to_string().contains("is stopped"), "{refused}");
+}
