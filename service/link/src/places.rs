@@ -43,8 +43,8 @@ impl Default for Shares {
     fn default() -> Self {
         Self {
             all: limits::ZENOH_SESSIONS_MAX,
-            of_address: limits::ZENOH_SESSIONS_PER_ADDRESS_MAX,
-            of_name: limits::ZENOH_SESSIONS_PER_NAME_MAX,
+            of_address: limits::ZENOH_SESSIONS_PER_ADDRESS_DEFAULT,
+            of_name: limits::ZENOH_SESSIONS_PER_NAME_DEFAULT,
         }
     }
 }

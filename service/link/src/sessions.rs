@@ -100,7 +100,8 @@ impl Inner {
             match reason {
                 SessionClosed::Share => tracing::warn!(
                     whose,
-                    "too many Zenoh sessions of one name or address: a further one is closed"
+                    "too many Zenoh sessions of one name or address: a further one is closed; \
+                     sessions_per_name and sessions_per_address of fleetcal.toml admit more"
                 ),
                 SessionClosed::Full | SessionClosed::MadeRoom => tracing::warn!(
                     most = limits::ZENOH_SESSIONS_MAX,
