@@ -39,6 +39,19 @@ pub struct Shares {
     pub of_name: usize,
 }
 
+impl Shares {
+    /// Limits the total to that of a router which opens at most `sessions`, with the same part left
+    /// for sessions that wait for a place.
+    pub fn within(self, sessions: usize) -> Self {
+        let opened = limits::ZENOH_SESSIONS_MAX + limits::ZENOH_SESSIONS_OPENING_MAX;
+        let all = sessions.saturating_mul(limits::ZENOH_SESSIONS_MAX) / opened;
+        Self {
+            all: self.all.min(all.max(1)),
+            ..self
+        }
+    }
+}
+
 impl Default for Shares {
     fn default() -> Self {
         Self {
@@ -164,6 +177,16 @@ mod tests {
             assert_eq!(places.admit(owner, ""), Err(SessionClosed::Share));
         }
         assert_eq!(places.taken(), 8);
+    }
+
+    #[test]
+    fn a_router_that_opens_fewer_sessions_has_fewer_places() {
+        let of = |sessions| Shares::default().within(sessions).all;
+        assert_eq!(of(4_352), 4_096);
+        // They are all taken before it opens no more.
+        assert_eq!(of(1_000), 941);
+        assert_eq!((of(0), of(usize::MAX)), (1, 4_096));
+        assert_eq!(places(8).shares.within(4_352), places(8).shares);
     }
 
     #[test]

@@ -24,6 +24,8 @@ use crate::places::{Owner, Places, Shares};
 pub struct Sessions(Arc<Inner>);
 
 struct Inner {
+    /// Number of places.
+    all: usize,
     places: Mutex<Places<TransportUnicast>>,
     fleet: FleetHandle,
     clock: SharedClock,
@@ -41,6 +43,7 @@ impl Sessions {
     /// Makes an empty set of sessions, which are closed on the runtime that this is called on.
     pub fn new(shares: Shares, fleet: FleetHandle, clock: SharedClock) -> Self {
         Self(Arc::new(Inner {
+            all: shares.all,
             places: Mutex::new(Places::new(shares)),
             fleet,
             clock,
@@ -104,7 +107,7 @@ impl Inner {
                      sessions_per_name and sessions_per_address of fleetcal.toml admit more"
                 ),
                 SessionClosed::Full | SessionClosed::MadeRoom => tracing::warn!(
-                    most = limits::ZENOH_SESSIONS_MAX,
+                    most = self.all,
                     whose,
                     "all places of Zenoh sessions are taken: one is closed"
                 ),
@@ -257,9 +260,10 @@ mod tests {
         drop(free);
         let setup = LinkSetup {
             listen: vec![format!("tcp/127.0.0.1:{port}")],
+            shares: SHARES,
             ..LinkSetup::default()
         };
-        let sessions = Sessions::new(SHARES, fleet.clone(), clock);
+        let sessions = |shares| Sessions::new(shares, fleet.clone(), clock);
         let router = session::open(&setup, &[], sessions).await.unwrap();
 
         // Zenoh connects a client again and again, as an attacker would.
