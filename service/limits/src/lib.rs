@@ -386,10 +386,17 @@ pub const ZENOH_HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(3);
 /// Zenoh sessions of all peers together. When all places are taken, the owner of the most gives one
 /// to a peer that has fewer.
 pub const ZENOH_SESSIONS_MAX: usize = ROBOTS_MAX;
-/// Zenoh sessions of one address whose peers have no name, as for a fleet behind one gateway.
-pub const ZENOH_SESSIONS_PER_ADDRESS_MAX: usize = ZENOH_SESSIONS_MAX / 4;
-/// Zenoh sessions of one name, by password or certificate, as for a fleet whose robots share one.
-pub const ZENOH_SESSIONS_PER_NAME_MAX: usize = ZENOH_SESSIONS_MAX / 4;
+/// Default number of Zenoh sessions of one address whose peers have no name: a machine that
+/// simulates a fleet, or a small one behind a gateway.
+pub const ZENOH_SESSIONS_PER_ADDRESS_DEFAULT: usize = 64;
+/// Default number of Zenoh sessions of one name, by password or certificate: a robot's agent, its
+/// drivers and tools.
+pub const ZENOH_SESSIONS_PER_NAME_DEFAULT: usize = 16;
+/// Messages that one session can leave unfinished: one on its reliable channel, one on the other.
+pub const ZENOH_UNFINISHED_PER_SESSION_MAX: usize = 2;
+/// Bytes of unfinished messages that all sessions of one owner hold by default.
+pub const ZENOH_UNFINISHED_BYTES_DEFAULT: usize =
+    ZENOH_SESSIONS_PER_ADDRESS_DEFAULT * ZENOH_UNFINISHED_PER_SESSION_MAX * ZENOH_MESSAGE_BYTES_MAX;
 /// Sessions that Zenoh opens beyond, so that one can come while its place is still taken by
 /// another.
 pub const ZENOH_SESSIONS_OPENING_MAX: usize = 256;

@@ -21,6 +21,11 @@ pub fn open_endpoint(config: &Config) -> Option<String> {
     listened_on(config).into_iter().find(is_open)
 }
 
+/// True if others can connect to a session of this configuration.
+pub fn listens(config: &Config) -> bool {
+    !listened_on(config).is_empty()
+}
+
 /// Returns the endpoints that a router of this configuration listens on: the same in every mode, or
 /// by mode.
 fn listened_on(config: &Config) -> Vec<String> {
@@ -56,7 +61,8 @@ pub fn password_file(config: &Config) -> Option<PathBuf> {
     file.map(PathBuf::from)
 }
 
-fn json(config: &Config, key: &str) -> Value {
+/// Returns the value of a key; null where there is none.
+pub fn json(config: &Config, key: &str) -> Value {
     let text = config.get_json(key).unwrap_or_default();
     serde_json::from_str(&text).unwrap_or_default()
 }

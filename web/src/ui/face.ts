@@ -24,6 +24,7 @@ export type Shape =
   | 'square-dash'
   | 'not-equal'
   | 'clock-off'
+  | 'full'
   | 'dash'
   | 'signal';
 /** Tone of a mark; `ink` stands out without asking for a person: a size beyond a tolerance. */

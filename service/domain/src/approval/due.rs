@@ -23,6 +23,8 @@ pub struct Situation<'a> {
     pub estimate: Option<&'a EstimateDocument>,
     /// True if a reassembly was reported, and the calibration is not known again since.
     pub reassembly_open: bool,
+    /// True if two senders use the robot's id.
+    pub two_senders: bool,
     /// True if the vehicle is no longer the one that was calibrated, and not known again yet.
     pub vehicle_changed: bool,
     /// True if that estimate has been stable for [`Policy::stable_for_s`].
@@ -113,6 +115,9 @@ impl Situation<'_> {
         if self.reassembly_open {
             return Present::Reassembled;
         }
+        if self.two_senders {
+            return Present::TwoSenders;
+        }
         if self.vehicle_changed {
             return Present::VehicleChanged;
         }
@@ -135,7 +140,7 @@ fn brought_up_to_date(
     let proposed = ledger.revisions.get(&open.revision)?;
     let outdated = outdated(proposed, &situation.present())?;
     let close = |reason: String| Some(Command::Supersede { proposal, reason });
-    if matches!(outdated, Outdated::VehicleChanged | Outdated::Reassembled) {
+    if !matches!(outdated, Outdated::Moved { .. }) {
         return close(outdated.to_string());
     }
     let estimate = situation.estimate?;
@@ -285,6 +290,9 @@ fn disagreement(
     if revision.origin != Origin::Estimator {
         return None;
     }
+    if situation.two_senders {
+        return Some(Outdated::TwoSenders.to_string());
+    }
     let (values, sigmas) = values_and_sigmas(situation.estimate?)?;
     differs(&revision.values, &values, &sigmas, policy)
         .then(|| "a newer estimate disagrees with it".to_owned())
@@ -295,7 +303,8 @@ fn proposal_due(
     situation: &Situation<'_>,
     policy: &Policy,
 ) -> Option<Command> {
-    if !policy.propose || !situation.stable || situation.reassembly_open {
+    let is_unsettled = situation.reassembly_open || situation.two_senders;
+    if !policy.propose || !situation.stable || is_unsettled {
         return None;
     }
     let estimate = situation.estimate?;

@@ -5,11 +5,21 @@ use fleetcal_domain::limits::{
     CHECKPOINT_OF_CLUSTER_SHARE,
 };
 
+use fleetcal_estimator::Checkpoint;
 use fleetcal_model::RobotTime;
 
 use super::{Engine, RobotTask};
 use crate::stored::{Stored, StoredConfig};
 use crate::verification_run::VerificationRun;
+
+/// State from which a task can continue after a fault.
+#[derive(Debug, Clone)]
+pub(super) struct Good {
+    /// The robot's own estimator.
+    pub(super) checkpoint: Checkpoint,
+    /// True if a change was detected and the new values are not known yet.
+    pub(super) changed: bool,
+}
 
 impl RobotTask {
     /// Returns the message time between two checkpoints now, s. A takeover loses whatever an
@@ -44,7 +54,10 @@ impl RobotTask {
             return;
         }
         let checkpoint = calibrator.checkpoint();
-        self.earlier_good = self.last_good.replace(checkpoint.clone());
+        self.earlier_good = self.last_good.replace(Good {
+            checkpoint: checkpoint.clone(),
+            changed: self.changed,
+        });
         let run = self.verification_run.as_ref();
         let bytes = StoredConfig::of(&self.basis).and_then(|config| {
             let stored = Stored {

@@ -33,7 +33,7 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{
     Command, DeploymentState, Policy, Present, RobotLedger, values_and_sigmas,
 };
-use fleetcal_domain::robot::RobotState;
+use fleetcal_domain::robot::{RobotState, WarningKind};
 use fleetcal_fleet::budget::LossLog;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::{PublicKey, SigningKey};
@@ -285,6 +285,9 @@ impl Lifecycle {
         };
         if view.reassembly_open {
             return Present::Reassembled;
+        }
+        if view.is_warned(WarningKind::TwoSenders) {
+            return Present::TwoSenders;
         }
         match view.state {
             RobotState::Changed => Present::VehicleChanged,

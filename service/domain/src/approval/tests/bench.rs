@@ -134,6 +134,7 @@ impl Bench {
             now: self.now,
             estimate: estimate.filter(|_| !verification),
             reassembly_open: false,
+            two_senders: self.present == Present::TwoSenders,
             vehicle_changed: false,
             stable: true,
             verification: estimate.filter(|_| verification),
