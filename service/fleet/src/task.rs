@@ -3,6 +3,7 @@
 
 mod checkpoints;
 mod configuration;
+mod good;
 mod heard;
 mod notes;
 
@@ -40,7 +41,7 @@ use crate::stored::{self, Restored};
 use crate::tap::Tapped;
 use crate::top_view;
 use crate::verification_run::VerificationRun;
-use checkpoints::Good;
+use good::Good;
 use heard::Known;
 
 /// Parameters that have to be known before a robot counts as calibrated.

@@ -7,8 +7,7 @@ use serde_json::{Value, json};
 use zenoh::Config;
 
 use crate::LinkError;
-use crate::anonymous::json as value_of;
-use crate::session::set;
+use crate::setting::{set, value as value_of};
 
 /// Makes the transport's settings in the form of Zenoh's configuration.
 pub fn transport() -> Value {
@@ -36,7 +35,7 @@ pub struct Beyond {
 impl fmt::Display for Beyond {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { key, found, bound } = self;
-        write!(f, "{key} is {found}, expected at most {bound}")
+        write!(f, "{key}: got {found}, expected at most {bound}")
     }
 }
 
@@ -116,7 +115,7 @@ mod tests {
         let (config, beyond) = completed(former);
         let most = limits::ZENOH_MESSAGE_BYTES_MAX;
         let expected =
-            format!("transport/link/rx/max_message_size is 4194304, expected at most {most}");
+            format!("transport/link/rx/max_message_size: got 4194304, expected at most {most}");
         assert_eq!(beyond, [expected]);
         assert_eq!(sessions_max(&config), 300);
         let key = "transport/unicast/qos/enabled";

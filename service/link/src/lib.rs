@@ -16,6 +16,7 @@ mod questions;
 mod ros2;
 mod session;
 mod sessions;
+mod setting;
 mod strict;
 
 use std::path::PathBuf;

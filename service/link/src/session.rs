@@ -13,6 +13,7 @@ use zenoh::{Config, Session, Wait};
 
 use crate::places::Shares;
 use crate::sessions::Sessions;
+use crate::setting::set;
 use crate::{LinkError, LinkSetup, access, anonymous, bounds, password_file};
 
 /// An open session.
@@ -201,13 +202,6 @@ fn warn_beyond_bounds(config: &Config) {
             tracing::warn!(%beyond, "the Zenoh configuration lets peers take much memory");
         }
     }
-}
-
-/// Sets a key of a configuration.
-pub fn set(config: &mut Config, key: &str, value: &serde_json::Value) -> Result<(), LinkError> {
-    config
-        .insert_json5(key, &value.to_string())
-        .map_err(|error| LinkError::Config(format!("{key} is {value}: {error}")))
 }
 
 /// Configures the embedded router: it listens on the given endpoints, has no discovery, limits

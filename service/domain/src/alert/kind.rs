@@ -196,22 +196,19 @@ impl AlertKind {
                  Acknowledge it where the values in use are meant to stay."
             }
             Self::RoutersCut => {
-                "Mend the connection between the routers. Meanwhile each robot is estimated by an \
-                 instance that receives it; no other one shows its live data."
+                "Mend the connection between the routers: robots are estimated meanwhile."
             }
             Self::ConfigurationsDiffer => {
-                "Give all instances the same fleetcal.toml but for name and addresses, and start \
-                 them again one after the other: which settings a robot is estimated with should \
-                 not depend on who estimates it."
+                "Give all instances the same fleetcal.toml but for name and addresses, and restart them \
+                 one after the other."
             }
             Self::ClockOff => {
                 "Set the machine's clock, and see that it is kept by NTP: from 10 s on the instance \
                  gives up its robots."
             }
             Self::SessionsFull => {
-                "Find out who opens so many sessions: a robot needs one. Where many share a name or \
-                 connect through one gateway or bridge, give them a larger share, sessions_per_name \
-                 or sessions_per_address in fleetcal.toml (docs/reliability.md)."
+                "Find out who opens so many sessions: a robot needs one. For many behind one bridge, \
+                 raise sessions_per_name or sessions_per_address in fleetcal.toml."
             }
         }
     }

@@ -5,21 +5,12 @@ use fleetcal_domain::limits::{
     CHECKPOINT_OF_CLUSTER_SHARE,
 };
 
-use fleetcal_estimator::Checkpoint;
 use fleetcal_model::RobotTime;
 
+use super::good::Good;
 use super::{Engine, RobotTask};
 use crate::stored::{Stored, StoredConfig};
 use crate::verification_run::VerificationRun;
-
-/// State from which a task can continue after a fault.
-#[derive(Debug, Clone)]
-pub(super) struct Good {
-    /// The robot's own estimator.
-    pub(super) checkpoint: Checkpoint,
-    /// True if a change was detected and the new values are not known yet.
-    pub(super) changed: bool,
-}
 
 impl RobotTask {
     /// Returns the message time between two checkpoints now, s. A takeover loses whatever an

@@ -6,7 +6,7 @@ use fleetcal_estimator::{Calibrator, Event, Note};
 use fleetcal_model::NoteKind;
 use fleetcal_proto::event::RobotEvent;
 
-use super::checkpoints::Good;
+use super::good::Good;
 use super::{Engine, RobotTask};
 use crate::decode;
 use crate::mailbox::Outcome;

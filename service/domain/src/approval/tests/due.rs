@@ -6,8 +6,8 @@ use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use super::bench::{Bench, NOW_NS, estimate, factory};
 use crate::access::Actor;
 use crate::approval::{
-    Command, DeploymentState, Evidence, Origin, Outdated, Present, Refused, Situation, SyncState,
-    Tolerance, automatic, due, values_and_sigmas,
+    Command, DeploymentState, Evidence, Objections, Origin, Outdated, Present, Refused, Situation,
+    SyncState, Tolerance, automatic, due, values_and_sigmas,
 };
 
 #[test]
@@ -71,9 +71,10 @@ fn a_proposal_that_brings_nothing_any_more_is_closed() {
     let changed = Situation {
         now: bench.now,
         estimate: None,
-        reassembly_open: false,
-        two_senders: false,
-        vehicle_changed: true,
+        objections: Objections {
+            vehicle_changed: true,
+            ..Objections::default()
+        },
         stable: false,
         verification: None,
         nominal: None,
@@ -127,7 +128,7 @@ fn nothing_estimated_holds_while_two_senders_use_the_id() {
     bench.take(command(Origin::Person), &Actor::service());
     bench.approve_as("ana").unwrap();
 
-    // What is approved and not applied yet is withdrawn.
+    // An approved calibration that is not applied yet is withdrawn.
     let mut bench = Bench::new();
     bench.do_due(&found, false);
     bench.approve();
