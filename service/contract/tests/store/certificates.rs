@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use fleetcal_contract::{KeepCertificate, NOW_S, NS, TestDatabase, clock, event, record, robot};
+use fleetcal_contract::{KeepCertificate, NOW_S, NS, TestDatabase, clock, record, robot};
 use fleetcal_domain::limits;
 use fleetcal_model::{DeploymentId, WallTime};
 use fleetcal_proto::calibration::Envelope;
