@@ -470,6 +470,12 @@ fn memory_stays_within_four_mebibytes_over_ten_kilometres() {
     assert!(tracked > scans * 99 / 100, "{tracked} of {scans}");
 }
 
+#[test]
+fn an_odometry_without_a_scan_holds_nothing_of_a_map() {
+    let bytes = LidarOdometry::default().memory_bytes();
+    assert!(bytes < 1_024, "{bytes} bytes");
+}
+
 /// The part in sight of an endless hall with shelves of many kinds.
 fn aisle_around(x_m: f64) -> Scene {
     let mut scene = Scene::default();

@@ -30,26 +30,15 @@ const FORGET: i8 = -8;
 const KNOWN_FREE: i8 = -15;
 
 /// Evidence for and against a surface, on a grid that rolls along with the LiDAR.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct FreeSpace {
+    /// Empty until the first update: most registered robots of a fleet do not drive.
     evidence: Vec<i8>,
     /// The update (its low byte) in which a cell was hit last.
     hit_in: Vec<u8>,
     update: u8,
     /// Lowest cell of the grid.
     low: Option<Cell>,
-}
-
-impl Default for FreeSpace {
-    fn default() -> Self {
-        let cells = (GRID * GRID) as usize;
-        Self {
-            evidence: vec![0; cells],
-            hit_in: vec![0; cells],
-            update: 0,
-            low: None,
-        }
-    }
 }
 
 impl FreeSpace {
@@ -84,6 +73,9 @@ impl FreeSpace {
     /// are as free as in the known map.
     pub fn begin_update(&mut self, centre: Cell, known: Option<&KnownMap>) {
         self.update = self.update.wrapping_add(1);
+        let cells = (GRID * GRID) as usize;
+        self.evidence.resize(cells, 0);
+        self.hit_in.resize(cells, 0);
         let wanted = Cell {
             x: (centre.x >> SCALE_SHIFT) - GRID / 2,
             y: (centre.y >> SCALE_SHIFT) - GRID / 2,

@@ -25,24 +25,13 @@ struct TileHeader {
 }
 
 /// Tiles of 8 × 8 cells, each cell with its points and its line.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct TilePool {
-    /// Tile number plus one at (y mod 256, x mod 256); 0: none.
+    /// Tile number plus one at (y mod 256, x mod 256); 0: none. Empty until the first tile.
     table: Vec<u16>,
     headers: Vec<TileHeader>,
     lines: Vec<[Line; CELLS_IN_TILE]>,
     moments: Vec<[Moments; CELLS_IN_TILE]>,
-}
-
-impl Default for TilePool {
-    fn default() -> Self {
-        Self {
-            table: vec![0; (TABLE_TILES * TABLE_TILES) as usize],
-            headers: Vec::new(),
-            lines: Vec::new(),
-            moments: Vec::new(),
-        }
-    }
 }
 
 fn table_index(tile_x: i32, tile_y: i32) -> usize {
@@ -155,6 +144,7 @@ impl TilePool {
                 .min_by_key(|&tile| self.headers.get(tile).map_or(0, |h| h.last_update))?;
             self.drop_tile(oldest);
         }
+        self.table.resize((TABLE_TILES * TABLE_TILES) as usize, 0);
         if self.headers.len() == self.headers.capacity() {
             // Never more than the pool may hold: doubling would.
             let more = self.headers.len().max(TILES_AT_START);
