@@ -1,4 +1,4 @@
-//! Certificate of a verified calibration: what an inspector reads, and checks without the service.
+//! Certificate of a verified calibration, for an inspector who checks it without the service.
 //!
 //! It travels as an [`Envelope`](crate::calibration::Envelope): hash and Ed25519 signature are over
 //! the exact bytes of its `document` string, which is a [`CertificateDocument`] in JSON. Angles are

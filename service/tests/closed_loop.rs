@@ -201,7 +201,7 @@ async fn certificates(service: &Service) -> Vec<String> {
     found.iter().map(file).collect()
 }
 
-/// Runs `fleetcal verify` on a file; gives its exit status, and what it printed and said.
+/// Runs `fleetcal verify` on a file; returns its exit status, output and errors.
 fn verify(file: &str, key: &str) -> (Option<i32>, String, String) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("certificate.json");

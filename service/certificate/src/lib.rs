@@ -1,8 +1,8 @@
 //! Certificates of verified calibrations: [`certificate`] makes the document from the records of a
 //! verification, [`page`] and [`text`] show it to people.
 //!
-//! Pure: no clock, no database, no wire. What people read is made from the signed document alone,
-//! so that a page says what its signature covers.
+//! Pure: no clock, no database, no wire. Page and text are made from the signed document alone, so
+//! that they show nothing beyond its signature.
 
 mod facts;
 mod made;

@@ -99,7 +99,7 @@ fn line(row: &[String], widths: &[usize]) -> String {
     line
 }
 
-/// Replaces what would move a terminal's cursor.
+/// Replaces control characters, which would move a terminal's cursor.
 fn printable(text: &str) -> String {
     let shown = |letter: char| if letter.is_control() { ' ' } else { letter };
     text.chars().map(shown).collect()
@@ -127,7 +127,7 @@ fn table(section: &Section) -> String {
     )
 }
 
-/// Escapes what HTML would take for itself.
+/// Escapes the characters that have a meaning in HTML.
 fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for letter in text.chars() {

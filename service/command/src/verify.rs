@@ -26,7 +26,7 @@ pub struct Arguments {
     pub html: Option<PathBuf>,
 }
 
-/// Checks every certificate of a file, and prints what each says.
+/// Checks every certificate of a file, and prints the content of each.
 ///
 /// # Errors
 /// The first certificate that is refused, with the check that failed; or a failure to read or

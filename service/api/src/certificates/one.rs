@@ -27,8 +27,8 @@ pub(super) struct FormatParameters {
     format: Option<String>,
 }
 
-/// Returns a certificate: a signed file, which `fleetcal verify` checks without the service, or
-/// what it says as one page.
+/// Returns a certificate: a signed file, which `fleetcal verify` checks without the service, or its
+/// content as one page.
 #[utoipa::path(
     get,
     path = "/certificates/{id}",
