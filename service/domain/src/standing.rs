@@ -136,7 +136,9 @@ impl Standing {
             AlertKind::NoData => Self::NoData,
             AlertKind::Fault => Self::Fault,
             AlertKind::Uncalibrated => Self::Uncalibrated,
-            AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => return None,
+            AlertKind::ConfigurationsDiffer | AlertKind::ClockOff | AlertKind::SessionsFull => {
+                return None;
+            }
         })
     }
 }

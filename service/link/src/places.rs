@@ -87,6 +87,30 @@ impl<C> Places<C> {
         self.open.len()
     }
 
+    /// Describes the owner of the most places when all are taken, else an owner with its full share.
+    pub fn crowded(&self) -> Option<String> {
+        if self.are_all_taken() {
+            let (owner, count) = self.greediest()?;
+            let taken = self.taken();
+            return Some(format!(
+                "all {taken} places of Zenoh sessions are taken, {count} of them by {owner}"
+            ));
+        }
+        let mut owners = self.owners.iter();
+        let (owner, own) = owners.find(|(owner, own)| own.len() >= self.share(owner))?;
+        let count = own.len();
+        Some(format!(
+            "{owner} has {count} Zenoh sessions, which is all of its share"
+        ))
+    }
+
+    fn share(&self, owner: &Owner) -> usize {
+        match owner {
+            Owner::Name(_) => self.shares.of_name,
+            Owner::Address(_) => self.shares.of_address,
+        }
+    }
+
     /// Returns the owner of the most places, and their number.
     pub fn greediest(&self) -> Option<(&Owner, usize)> {
         let owners = self.owners.iter();
@@ -106,11 +130,7 @@ impl<C> Places<C> {
     /// The owner has its full share, or nobody has more.
     pub fn admit(&mut self, owner: Owner, close: C) -> Result<(u64, Option<C>), SessionClosed> {
         let own = self.owners.get(&owner).map_or(0, BTreeSet::len);
-        let share = match owner {
-            Owner::Name(_) => self.shares.of_name,
-            Owner::Address(_) => self.shares.of_address,
-        };
-        if own >= share {
+        if own >= self.share(&owner) {
             return Err(SessionClosed::Share);
         }
         let evicted = if self.are_all_taken() {
@@ -174,9 +194,16 @@ mod tests {
             for _ in 0..4 {
                 assert!(places.admit(owner.clone(), "idle").is_ok());
             }
+            let crowded = format!("{owner} has 4 Zenoh sessions, which is all of its share");
+            if places.taken() < 8 {
+                assert_eq!(places.crowded(), Some(crowded));
+            }
             assert_eq!(places.admit(owner, ""), Err(SessionClosed::Share));
         }
         assert_eq!(places.taken(), 8);
+        let crowded = places.crowded().unwrap();
+        let expected = "all 8 places of Zenoh sessions are taken, 4 of them by ";
+        assert!(crowded.starts_with(expected), "{crowded}");
     }
 
     #[test]

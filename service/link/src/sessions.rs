@@ -82,13 +82,9 @@ impl Inner {
     }
 
     fn report(&self, places: &Places<TransportUnicast>) {
-        let crowded = if places.are_all_taken() {
-            let greediest = places.greediest();
-            greediest.map(|(owner, count)| format!("{owner} has {count} of {}", places.taken()))
-        } else {
-            None
-        };
-        self.fleet.peers().set_open(places.taken(), crowded);
+        self.fleet
+            .peers()
+            .set_open(places.taken(), places.crowded());
     }
 
     fn close(&self, transport: TransportUnicast, reason: SessionClosed, whose: Option<&Owner>) {
@@ -287,7 +283,8 @@ mod tests {
             assert!(is_connected(robot).await);
         }
         let crowded = fleet.peers().crowded().unwrap();
-        assert_eq!(crowded, "127.0.0.2 has 4 of 8");
+        let expected = "all 8 places of Zenoh sessions are taken, 4 of them by 127.0.0.2";
+        assert_eq!(crowded, expected);
         assert_eq!(fleet.peers().open(), SHARES.all);
 
         for session in idle.into_iter().chain(robots) {

@@ -24,6 +24,7 @@ export type Shape =
   | 'square-dash'
   | 'not-equal'
   | 'clock-off'
+  | 'full'
   | 'dash'
   | 'signal';
 export type Tone = 'bad' | 'warn' | 'active' | 'good' | 'quiet';

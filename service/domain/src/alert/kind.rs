@@ -53,11 +53,13 @@ pub enum AlertKind {
     ConfigurationsDiffer,
     /// Clock of an instance that differs from the database's.
     ClockOff,
+    /// All places of Zenoh sessions, or the share of one name or address, that are taken.
+    SessionsFull,
 }
 
 impl AlertKind {
     /// Every kind.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::RollbackFailed,
         Self::Drift,
         Self::VerificationFailed,
@@ -73,6 +75,7 @@ impl AlertKind {
         Self::Uncalibrated,
         Self::ConfigurationsDiffer,
         Self::ClockOff,
+        Self::SessionsFull,
     ];
 
     /// Kinds that follow from a robot's view and records.
@@ -118,7 +121,8 @@ impl AlertKind {
             | Self::Fault
             | Self::Uncalibrated
             | Self::ConfigurationsDiffer
-            | Self::ClockOff => Severity::Warning,
+            | Self::ClockOff
+            | Self::SessionsFull => Severity::Warning,
         }
     }
 
@@ -186,6 +190,11 @@ impl AlertKind {
             Self::ClockOff => {
                 "Set the machine's clock, and see that it is kept by NTP: from 10 s on the instance \
                  gives up its robots."
+            }
+            Self::SessionsFull => {
+                "Find out who opens so many sessions: a robot needs one. Where many share a name or \
+                 connect through one gateway or bridge, give them a larger share, sessions_per_name \
+                 or sessions_per_address in fleetcal.toml (docs/reliability.md)."
             }
         }
     }

@@ -58,7 +58,8 @@ impl AlertPolicy {
             | AlertKind::OutOfSync
             | AlertKind::NoData
             | AlertKind::ConfigurationsDiffer
-            | AlertKind::ClockOff => of_data,
+            | AlertKind::ClockOff
+            | AlertKind::SessionsFull => of_data,
             // It is told once, when it has happened.
             AlertKind::Fault | AlertKind::TwoSenders | AlertKind::FormerKey => Periods {
                 pending_ns: 0,

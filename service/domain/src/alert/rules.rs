@@ -8,6 +8,7 @@ use fleetcal_proto::estimate::EstimateDocument;
 use super::condition::Observation;
 use super::kind::AlertKind;
 use super::policy::AlertPolicy;
+use super::subject::Subject;
 use crate::approval::{
     self, Contradicted, Deployment, DeploymentState, RobotLedger, difference, nominal_values,
 };
@@ -101,6 +102,15 @@ pub fn sightings(situation: &Situation<'_>) -> [Sighting; AlertKind::OF_ROBOT.le
     })
 }
 
+/// Sighting of [`AlertKind::SessionsFull`] for the fleet; `crowded` describes the places of Zenoh
+/// sessions while they are taken.
+pub fn sessions_full(crowded: Option<String>, policy: &AlertPolicy) -> (Subject, Sighting) {
+    let kind = AlertKind::SessionsFull;
+    let crowded = crowded.filter(|_| !policy.off.contains(&kind));
+    let seen = crowded.map_or(Seen::Clear, Seen::Firing);
+    (Subject::Fleet, Sighting::of(kind, seen))
+}
+
 fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
     match kind {
         AlertKind::RollbackFailed => rollback_failed(situation),
@@ -130,10 +140,11 @@ fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
             }
             None => Seen::Clear,
         },
-        // The rows of the cluster say these.
-        AlertKind::NoInstance | AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => {
-            Seen::Unknown
-        }
+        // The rows of the cluster and the link say these.
+        AlertKind::NoInstance
+        | AlertKind::ConfigurationsDiffer
+        | AlertKind::ClockOff
+        | AlertKind::SessionsFull => Seen::Unknown,
     }
 }
 

@@ -213,7 +213,8 @@ fn every_alert_is_a_way_to_stand() {
         S::NoData,
         S::Fault,
         S::Uncalibrated,
-        // What is wrong with instances is no state of a robot.
+        // What is wrong with instances or their sessions is no state of a robot.
+        S::Calibrated,
         S::Calibrated,
         S::Calibrated,
     ];
