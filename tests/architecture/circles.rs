@@ -36,8 +36,9 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 27] = [
+pub const CRATES: [Member; 28] = [
     member("fleetcal-model", "proto/model", ""),
+    member("fleetcal-description", "proto/description", "model"),
     member("fleetcal-proto", "proto", "model"),
     member("fleetcal-odometry", "odometry", "model"),
     member("fleetcal-estimator", "estimator", "model odometry"),

@@ -94,6 +94,14 @@ fn the_vocabulary_is_pure() {
 }
 
 #[test]
+fn descriptions_are_read_purely() {
+    assert_only(
+        "fleetcal-description",
+        &["fleetcal-model", "nalgebra", "roxmltree", "thiserror"],
+    );
+}
+
+#[test]
 fn what_travels_knows_no_transport() {
     assert_only(
         "fleetcal-proto",
@@ -277,6 +285,7 @@ fn pure_crates_touch_no_outside_world() {
         "estimator",
         "estimator/checks",
         "proto",
+        "proto/description",
         "proto/model",
         "service/cluster",
         "service/domain",
