@@ -6,6 +6,7 @@
 
 pub mod calibration;
 pub mod cdr;
+pub mod description;
 pub mod encoding;
 pub mod endpoint;
 pub mod estimate;

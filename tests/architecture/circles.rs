@@ -49,7 +49,7 @@ pub const CRATES: [Member; 28] = [
     member(
         "fleetcal-domain",
         "service/domain",
-        "estimator limits model proto",
+        "description estimator limits model proto",
     ),
     member("fleetcal-cluster", "service/cluster", "domain model proto"),
     member(
@@ -117,7 +117,7 @@ pub const CRATES: [Member; 28] = [
     member(
         "fleetcal-command",
         "service/command",
-        "checks clock config domain estimator fleet model operations proto robot",
+        "checks clock config description domain estimator fleet model operations proto robot",
     ),
     member(
         "fleetcal",

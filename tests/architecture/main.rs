@@ -242,6 +242,7 @@ fn the_domain_decides_and_knows_no_outside_world() {
         &[
             "argon2",
             "base64",
+            "fleetcal-description",
             "fleetcal-estimator",
             "fleetcal-limits",
             "fleetcal-model",

@@ -24,9 +24,9 @@ impl<T> Derived<T> {
 pub struct Underivable {
     /// Name of the value.
     pub field: &'static str,
-    /// What the description has in its place, with names of joints or links.
+    /// Content of the description in its place, with names of joints or links.
     pub found: String,
-    /// What it would be derived from.
+    /// Content that it would be derived from.
     pub expected: &'static str,
 }
 
