@@ -71,9 +71,18 @@ fn scan(frame: &str) -> Written {
         frame_id: frame.to_owned(),
         ..Header::default()
     };
+    let ranges = vec![1.0_f32; 4];
     let scan = LaserScan {
         header,
-        ..LaserScan::default()
+        angle_min: -1.0,
+        angle_max: 1.0,
+        angle_increment: 0.5,
+        time_increment: 0.0,
+        scan_time: 0.1,
+        range_min: 0.1,
+        range_max: 10.0,
+        ranges: ranges.into(),
+        intensities: Vec::new().into(),
     };
     message("/scan", &scan)
 }
