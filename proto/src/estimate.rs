@@ -11,6 +11,8 @@ use fleetcal_model::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::description::DescriptionDocument;
+
 /// Estimate of one parameter: `P` of the documents.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -189,6 +191,10 @@ pub struct CalibrationReport {
     pub robot: RobotId,
     /// The vehicle.
     pub vehicle: VehicleDocument,
+    /// Configuration that the robot's own description implies; absent without a description.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
+    pub description: Option<DescriptionDocument>,
     /// Length of the recording, s.
     pub duration_s: f64,
     /// Distance driven, m.
@@ -268,6 +274,7 @@ mod tests {
                 model: VehicleModel::Bicycle,
                 wheelbase_m: 1.2,
             },
+            description: Some(DescriptionDocument::default()),
             duration_s: 1.0,
             distance_m: 2.0,
             drive_samples: 3,
@@ -301,6 +308,7 @@ mod tests {
             [
                 "consistency",
                 "covariance",
+                "description",
                 "detection",
                 "distance_m",
                 "drive_samples",

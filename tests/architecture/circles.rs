@@ -36,8 +36,9 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 28] = [
+pub const CRATES: [Member; 29] = [
     member("fleetcal-model", "proto/model", ""),
+    member("fleetcal-description", "proto/description", "model"),
     member("fleetcal-proto", "proto", "model"),
     member("fleetcal-odometry", "odometry", "model"),
     member("fleetcal-estimator", "estimator", "model odometry"),
@@ -48,7 +49,7 @@ pub const CRATES: [Member; 28] = [
     member(
         "fleetcal-domain",
         "service/domain",
-        "estimator limits model proto",
+        "description estimator limits model proto",
     ),
     member(
         "fleetcal-certificate",
@@ -121,7 +122,7 @@ pub const CRATES: [Member; 28] = [
     member(
         "fleetcal-command",
         "service/command",
-        "certificate checks clock config domain estimator fleet model operations proto robot",
+        "certificate checks clock config description domain estimator fleet model operations proto robot",
     ),
     member(
         "fleetcal",

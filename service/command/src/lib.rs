@@ -6,6 +6,7 @@
 pub mod agent;
 pub mod calibrate;
 mod connection;
+mod described;
 pub mod doctor;
 mod height_band;
 mod known_map;
@@ -32,6 +33,7 @@ use std::pin::Pin;
 
 use clap::ValueEnum;
 use fleetcal_config::ConfigError;
+use fleetcal_description::DescriptionRefused;
 use fleetcal_domain::robot::ValueRefused;
 use fleetcal_estimator::VehicleModel;
 use fleetcal_estimator::stream::FieldRefused;
@@ -103,12 +105,28 @@ pub enum CommandError {
     Start(#[from] FieldRefused),
     /// The vehicle's size is unknown.
     #[error(
-        "the wheelbase is missing: give --wheelbase METRES, or a [[robot]] with id = \"{robot}\" \
-         in a --config file"
+        "the wheelbase is missing: give --wheelbase METRES, a --urdf FILE, or a [[robot]] with id = \
+         \"{robot}\" in a --config file{described}"
     )]
     WheelbaseMissing {
         /// The robot of the recording.
         robot: String,
+        /// Reason for which its description does not give it, behind a semicolon.
+        described: String,
+    },
+    /// The vehicle's steering is unknown although it is described.
+    #[error("the model is missing: give --model; its description does not say it: {described}")]
+    ModelMissing {
+        /// Reason for which its description does not give it.
+        described: String,
+    },
+    /// The file of `--urdf` is refused.
+    #[error("--urdf {}: {refused}", path.display())]
+    Description {
+        /// The file.
+        path: PathBuf,
+        /// Fault of the file.
+        refused: DescriptionRefused,
     },
     /// The robot's name is not a valid id.
     #[error("{refused}; name the robot with --robot")]
@@ -254,6 +272,8 @@ impl CommandError {
             | Self::Joints(_)
             | Self::Start(_)
             | Self::WheelbaseMissing { .. }
+            | Self::ModelMissing { .. }
+            | Self::Description { .. }
             | Self::Robot { .. }
             | Self::Keys(_)
             | Self::VerifyKeys(_)

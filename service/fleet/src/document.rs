@@ -72,6 +72,7 @@ pub fn report(robot: &RobotId, calibrator: &Calibrator, timing: Timing) -> Calib
         schema_version: CalibrationReport::SCHEMA_VERSION,
         robot: robot.clone(),
         vehicle: vehicle_document(&calibrator.config().vehicle),
+        description: None,
         duration_s: calibrator.duration_s(),
         distance_m: estimate.distance_m,
         drive_samples: estimate.counts.drive_samples,
