@@ -3,7 +3,6 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod bags;
-mod described;
 mod doctor;
 mod imperfect;
 mod known_map;
