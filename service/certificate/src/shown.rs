@@ -194,13 +194,13 @@ mod tests {
         }
     }
 
-    fn errors(generation: u64, rms_m: f64) -> Option<CertifiedCrossTrack> {
-        Some(CertifiedCrossTrack {
+    fn errors(generation: u64, rms_m: f64) -> CertifiedCrossTrack {
+        CertifiedCrossTrack {
             generation: Generation(generation),
             count: 90,
             rms_m,
             mean_m: 0.001,
-        })
+        }
     }
 
     fn certificate() -> CertificateDocument {
@@ -234,8 +234,8 @@ mod tests {
                 limits: Some(four(0.1)),
                 evidence: Some(evidence()),
             },
-            cross_track_before: errors(3, 0.041),
-            cross_track_after: errors(4, 0.0123),
+            cross_track_before: Some(errors(3, 0.041)),
+            cross_track_after: Some(errors(4, 0.0123)),
             requested: Some(act("fleetcal", None)),
             approved: vec![act(
                 "ana",
