@@ -136,7 +136,10 @@ impl Standing {
             AlertKind::NoData => Self::NoData,
             AlertKind::Fault => Self::Fault,
             AlertKind::Uncalibrated => Self::Uncalibrated,
-            AlertKind::ConfigurationsDiffer | AlertKind::ClockOff | AlertKind::SessionsFull => {
+            AlertKind::RoutersCut
+            | AlertKind::ConfigurationsDiffer
+            | AlertKind::ClockOff
+            | AlertKind::SessionsFull => {
                 return None;
             }
         })

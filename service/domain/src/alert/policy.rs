@@ -57,6 +57,7 @@ impl AlertPolicy {
             | AlertKind::Uncalibrated
             | AlertKind::OutOfSync
             | AlertKind::NoData
+            | AlertKind::RoutersCut
             | AlertKind::ConfigurationsDiffer
             | AlertKind::ClockOff
             | AlertKind::SessionsFull => of_data,

@@ -217,6 +217,7 @@ fn every_alert_is_a_way_to_stand() {
         S::Calibrated,
         S::Calibrated,
         S::Calibrated,
+        S::Calibrated,
     ];
     assert_eq!(found, expected);
     for condition in [
