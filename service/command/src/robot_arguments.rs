@@ -29,7 +29,7 @@ pub struct RobotArguments {
     #[arg(long)]
     pub model: Option<ModelName>,
     /// The robot's URDF: its vehicle, joints and LiDAR mount, where no flag or configuration gives
-    /// them [default: the recording's own /robot_description]
+    /// them [default: the recording's own `/robot_description`]
     #[arg(long, value_name = "FILE")]
     pub urdf: Option<PathBuf>,
     /// The robot's name [default: the first chunk of the wheel odometry topic]

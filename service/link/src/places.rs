@@ -42,6 +42,7 @@ pub struct Shares {
 impl Shares {
     /// Limits the total to that of a router which opens at most `sessions`, with the same part left
     /// for sessions that wait for a place.
+    #[must_use]
     pub fn within(self, sessions: usize) -> Self {
         let opened = limits::ZENOH_SESSIONS_MAX + limits::ZENOH_SESSIONS_OPENING_MAX;
         let all = sessions.saturating_mul(limits::ZENOH_SESSIONS_MAX) / opened;

@@ -68,8 +68,8 @@ fn places_of_sessions_that_are_taken_are_an_alert_of_the_fleet_unless_it_is_off(
         );
         (seen.observation, seen.what)
     };
-    let crowded = Some("10.0.0.1 has all of its share");
-    let firing = (Observation::Firing, crowded.unwrap().to_owned());
+    let what = "10.0.0.1 has all of its share";
+    let (crowded, firing) = (Some(what), (Observation::Firing, what.to_owned()));
     let clear = (Observation::Clear, String::new());
     assert_eq!(seen(crowded, &policy), firing);
     assert_eq!(seen(None, &policy), clear);
