@@ -277,6 +277,12 @@ impl Cause {
         self.row().advice
     }
 
+    /// True if the cause ends with what shows it: a stream that comes again is missing no more. All
+    /// other causes stay.
+    pub(crate) const fn ends(self) -> bool {
+        matches!(self, Self::WheelOdometryMissing | Self::LidarMissing)
+    }
+
     /// Returns `true` if the motion cannot be judged while it lasts.
     pub(crate) const fn spoils_motion(self) -> bool {
         match self.check() {
