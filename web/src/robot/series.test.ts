@@ -198,7 +198,9 @@ describe('the cursor', () => {
 describe('an answer of the service', () => {
   it('becomes columns', () => {
     const made = allSeries({
+      bucket_s: 60,
       time: ['2026-11-21T13:00:00Z', '2026-11-21T13:01:00Z'],
+      count: [60, 60],
       series: [
         {
           parameter: 'lidar_x',
@@ -215,5 +217,31 @@ describe('an answer of the service', () => {
     expect(made?.t_s).toEqual([Date.UTC(2026, 10, 21, 13, 1) / 1000]);
     expect(made?.max).toEqual([2]);
     expect(made?.status).toEqual(['converged']);
+  });
+
+  it('begins a line where its data begin, not where their stretch does', () => {
+    const hour = 3600;
+    const begin = Date.UTC(2026, 10, 21, 22) / 1000;
+    // A robot that began at 22:14, rested from 0:30 on, and drove again at 5:50 and after 9:00.
+    const hours = [0, 1, 2, 7, 8, 11];
+    const made = allSeries({
+      bucket_s: hour,
+      time: hours.map((at) => new Date((begin + at * hour) * 1000).toISOString()),
+      count: [46 * 60, hour, 30 * 60, 10 * 60, hour, 60],
+      series: [
+        {
+          parameter: 'lidar_x',
+          unit: 'm',
+          mean: hours.map(() => 1),
+          min: hours.map(() => 1),
+          max: hours.map(() => 1),
+          sigma: hours.map(() => 0.1),
+          status: hours.map(() => 'converged' as const),
+        },
+      ],
+    }).get('lidar_x');
+    const since = made?.t_s.map((t_s) => (t_s - begin) / 60);
+    // Of a stretch alone nobody knows when in it the data were.
+    expect(since).toEqual([14, 60, 120, 7 * 60 + 50, 8 * 60, 11 * 60]);
   });
 });

@@ -4,7 +4,10 @@ import type { HistoryDocument, HistorySeries, ParameterName, ParameterStatus } f
 import { SHOWN } from '../units/parameters';
 import { appliedAt, type Step } from './applied';
 
-/** One parameter over time, SI units and radians; the arrays are equally long. */
+/**
+ * One parameter over time, SI units and radians; the arrays are equally long. A time is where the
+ * data of its stretch begin.
+ */
 export interface Series {
   t_s: number[];
   mean: number[];
@@ -222,10 +225,27 @@ export function csv(series: Series, name: ParameterName, applied: readonly Step[
 
 /** Returns every parameter of an answer as a series. */
 export function allSeries(
-  answer: Pick<HistoryDocument, 'time' | 'series'>,
+  answer: Pick<HistoryDocument, 'bucket_s' | 'time' | 'count' | 'series'>,
 ): Map<ParameterName, Series> {
-  const times_s = answer.time.map((time) => Date.parse(time) / 1000);
+  const times_s = beginOfData(answer);
   return new Map(answer.series.map((given) => [given.parameter, seriesOf(times_s, given)]));
+}
+
+/**
+ * Returns the time at which the data of each stretch begin, s. In the first stretch of a line they
+ * go on into the next one, so that the seconds of data are those before its end.
+ */
+function beginOfData({
+  bucket_s,
+  time,
+  count,
+}: Pick<HistoryDocument, 'bucket_s' | 'time' | 'count'>): number[] {
+  const begins_s = time.map((one) => Date.parse(one) / 1000);
+  return begins_s.map((begin_s, i) => {
+    const isFirst = begins_s[i - 1] !== begin_s - bucket_s;
+    const goesOn = begins_s[i + 1] === begin_s + bucket_s;
+    return isFirst && goesOn ? begin_s + bucket_s - (count[i] ?? bucket_s) : begin_s;
+  });
 }
 
 /** Returns the index of the point nearest to a time; null for an empty series. */
