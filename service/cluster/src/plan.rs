@@ -120,9 +120,9 @@ pub fn plan(me: &Seat, snapshot: &Snapshot) -> Plan {
     let candidates = snapshot.candidates();
     let view = View {
         me,
+        own,
         snapshot,
         is_candidate: candidates.iter().any(|member| member.seat == *me),
-        can_read: own.checkpoint_format,
         assignment: assignment(snapshot, &candidates),
     };
     let mut moves = view.moves_left();
@@ -208,11 +208,10 @@ impl<'a> Reach<'a> {
 /// View of one instance.
 struct View<'a> {
     me: &'a Seat,
+    own: &'a Member,
     snapshot: &'a Snapshot,
     /// True if it can have robots.
     is_candidate: bool,
-    /// Newest format of a checkpoint that it can read.
-    can_read: i64,
     assignment: Assignment,
 }
 
@@ -227,13 +226,8 @@ impl View<'_> {
 
     fn of_own(&self, robot: &RobotId, row: &Ownership, moves: &mut usize, plan: &mut Plan) {
         let target = self.assignment.get(robot).filter(|seat| *seat != self.me);
-        let is_cut_off = !self.is_candidate
-            && self
-                .snapshot
-                .member(self.me)
-                .is_some_and(|own| !own.linked && !own.draining);
         match (target, &row.heir) {
-            (Some(_), _) if is_cut_off => plan.give_up.push(robot.clone()),
+            (Some(_), _) if self.misses(robot) => plan.give_up.push(robot.clone()),
             (Some(target), Some(heir)) if target == heir => {
                 let heard_for = self.snapshot.since(row.heir_ready);
                 if heard_for.is_some_and(|heard_for| heard_for >= CLUSTER_OVERLAP) {
@@ -251,6 +245,13 @@ impl View<'_> {
         }
     }
 
+    /// True if this instance does not receive one of its robots, so that an overlap with the next
+    /// owner would add nothing, and each moment here is one without an estimate.
+    fn misses(&self, robot: &RobotId) -> bool {
+        let is_cut_off = !self.is_candidate && !self.own.linked && !self.own.draining;
+        is_cut_off || self.own.hearing.unheard_robots.contains(robot)
+    }
+
     fn of_others(&self, robot: &RobotId, row: &Ownership, plan: &mut Plan) {
         if row.owner.is_some() {
             if row.heir.as_ref() == Some(self.me) && row.heir_ready.is_none() {
@@ -259,7 +260,10 @@ impl View<'_> {
             return;
         }
         let is_own = self.assignment.get(robot) == Some(self.me);
-        if is_own || (self.may_take(row.free_since) && row.checkpoint_format <= self.can_read) {
+        if is_own
+            || (self.may_take(row.free_since)
+                && row.checkpoint_format <= self.own.checkpoint_format)
+        {
             plan.claim.push(robot.clone());
         }
     }
@@ -448,14 +452,12 @@ pub(crate) mod tests {
         let mut snapshot = cluster(&["a", "b"], &[Some("a"), Some("a"), Some("b"), Some("b")]);
         hears(&mut snapshot, 0, &[0, 2], &[1, 3]);
         hears(&mut snapshot, 1, &[1, 3], &[0, 2]);
-        assert_eq!(
-            plan(&seat("a"), &snapshot).offer,
-            [handover(&robot(1), &seat("b"))]
-        );
-        assert_eq!(
-            plan(&seat("b"), &snapshot).offer,
-            [handover(&robot(2), &seat("a"))]
-        );
+        assert_eq!(plan(&seat("a"), &snapshot).give_up, [robot(1)]);
+        assert_eq!(plan(&seat("b"), &snapshot).give_up, [robot(2)]);
+        let mut released = snapshot.clone();
+        row(&mut released, 1).owner = None;
+        assert_eq!(plan(&seat("a"), &released).claim, []);
+        assert_eq!(plan(&seat("b"), &released).claim, [robot(1)]);
         // All robots are at one side: shares do not move them back.
         hears(&mut snapshot, 0, &[0, 1, 2, 3], &[]);
         hears(&mut snapshot, 1, &[], &[0, 1, 2, 3]);

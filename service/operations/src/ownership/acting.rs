@@ -344,7 +344,8 @@ impl Ownership {
         self.end(&robots).await?;
         tracing::warn!(
             robots = robots.len(),
-            "robots released: no router is connected, or the clock is too far off the database's"
+            "robots released: this instance does not receive them, or its clock is too far off the \
+             database's"
         );
         self.inner.registry.free(seat, &robots).await
     }
