@@ -7,7 +7,11 @@ use fleetcal_clock::{Clock, SharedClock};
 use fleetcal_postgres::{JobRuns, PostgresSetup, Sharing};
 use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_store::{Store, StoreError};
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions as _, Connection as _};
 use tempfile::TempDir;
+
+use crate::own_server::psql;
 
 /// Variable with the PostgreSQL server that tests may fill with databases, such as
 /// `postgres://fleetcal@127.0.0.1:5432/postgres`.
@@ -87,6 +91,20 @@ impl TestDatabase {
         match &self.place {
             Place::Folder(_) => None,
             Place::Server(setup) => Some(setup),
+        }
+    }
+
+    /// Runs a statement on it, as another program would.
+    pub async fn execute(&self, sql: &str) {
+        match &self.place {
+            Place::Server(setup) => drop(psql(&setup.url, sql)),
+            Place::Folder(path) => {
+                let options = SqliteConnectOptions::new().filename(path.join("fleetcal.db"));
+                let mut connection = options.connect().await.unwrap();
+                let statement = sqlx::raw_sql(sqlx::AssertSqlSafe(sql.to_owned()));
+                statement.execute(&mut connection).await.unwrap();
+                connection.close().await.unwrap();
+            }
         }
     }
 

@@ -234,6 +234,7 @@ impl From<AlertRefused> for Problem {
             AlertRefused::Unknown(_) => (StatusCode::NOT_FOUND, "alert_unknown"),
             AlertRefused::Stale { .. } => (StatusCode::PRECONDITION_FAILED, "version_conflict"),
             AlertRefused::AcknowledgedAlready(_) => (StatusCode::CONFLICT, "acknowledged_already"),
+            AlertRefused::Newer => (StatusCode::CONFLICT, "alert_newer"),
         };
         Self::new(status, code, detail)
     }

@@ -1,14 +1,14 @@
 //! Alerts and how they went.
 
 use async_trait::async_trait;
-use fleetcal_domain::alert::{Alert, AlertKind, ConditionName, Subject};
+use fleetcal_domain::alert::{Alert, AlertKind, Named, StoredAlert, Subject};
 use fleetcal_model::{AlertId, Version};
 use fleetcal_store::transaction::AlertRecords;
 use fleetcal_store::{AlertFilter, AlertMoment, AlertSelection, StoreError};
 
 use super::connection::Connection;
 use super::query::{query, query_scalar};
-use super::row::{column, json, parsed, wall_time};
+use super::row::{column, corrupt, json, wall_time};
 use super::transaction::SqlRecords;
 use super::value::Row;
 
@@ -20,9 +20,9 @@ impl AlertRecords for SqlRecords<'_> {
         &mut self,
         subject: &Subject,
         kind: AlertKind,
-    ) -> Result<Option<Alert>, StoreError> {
+    ) -> Result<Option<StoredAlert>, StoreError> {
         let row = query(
-            "SELECT id, record FROM alert WHERE robot = $1 AND kind = $2 AND state <> 'normal'",
+            "SELECT id, record, rank FROM alert WHERE robot = $1 AND kind = $2 AND state <> 'normal'",
         )
         .bind(subject.as_str())
         .bind(kind.as_str())
@@ -32,8 +32,8 @@ impl AlertRecords for SqlRecords<'_> {
         row.as_ref().map(alert_of).transpose()
     }
 
-    async fn alert(&mut self, id: AlertId) -> Result<Option<Alert>, StoreError> {
-        let row = query("SELECT id, record FROM alert WHERE id = $1")
+    async fn alert(&mut self, id: AlertId) -> Result<Option<StoredAlert>, StoreError> {
+        let row = query("SELECT id, record, rank FROM alert WHERE id = $1")
             .bind(i64::try_from(id.0).unwrap_or(i64::MAX))
             .fetch_optional(&mut *self.connection)
             .await
@@ -105,24 +105,26 @@ impl AlertRecords for SqlRecords<'_> {
     }
 }
 
-/// Returns every alert that is not over.
+/// Returns every alert of a known kind and condition that is not over.
 pub(super) async fn active_alerts(
     connection: &mut dyn Connection,
 ) -> Result<Vec<Alert>, StoreError> {
-    let rows = query("SELECT id, record FROM alert WHERE state <> 'normal' ORDER BY id")
+    let rows = query("SELECT id, record, rank FROM alert WHERE state <> 'normal' ORDER BY id")
         .fetch_all(&mut *connection)
         .await
         .map_err(StoreError::database("read the alerts"))?;
-    rows.iter().map(alert_of).collect()
+    let stored = rows.iter().map(alert_of);
+    let known = stored.filter_map(|one| one.map(StoredAlert::known).transpose());
+    known.collect()
 }
 
 /// Returns alerts, the most urgent first.
 pub(super) async fn alerts(
     connection: &mut dyn Connection,
     filter: &AlertFilter,
-) -> Result<Vec<Alert>, StoreError> {
+) -> Result<Vec<StoredAlert>, StoreError> {
     let robots = connection.dialect().robots_of_alert();
-    let mut alerts = query("SELECT id, record FROM alert WHERE true");
+    let mut alerts = query("SELECT id, record, rank FROM alert WHERE true");
     if let Some(robot) = &filter.robot {
         // An alert about several names them.
         alerts = alerts
@@ -164,9 +166,9 @@ pub(super) async fn alerts(
 pub(super) async fn alert(
     connection: &mut dyn Connection,
     id: AlertId,
-) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError> {
+) -> Result<Option<(StoredAlert, Vec<AlertMoment>)>, StoreError> {
     let id = i64::try_from(id.0).unwrap_or(i64::MAX);
-    let row = query("SELECT id, record FROM alert WHERE id = $1")
+    let row = query("SELECT id, record, rank FROM alert WHERE id = $1")
         .bind(id)
         .fetch_optional(&mut *connection)
         .await
@@ -184,14 +186,12 @@ pub(super) async fn alert(
     Ok(Some((alert_of(&row)?, changes?)))
 }
 
-fn alert_of(row: &Row) -> Result<Alert, StoreError> {
-    let id: i64 = column(row, TABLE, 0)?;
+fn alert_of(row: &Row) -> Result<StoredAlert, StoreError> {
+    let id = number(column(row, TABLE, 0)?).map(AlertId)?;
     let record: String = column(row, TABLE, 1)?;
-    let alert: Alert = parsed(TABLE, &record)?;
-    Ok(Alert {
-        id: number(id).map(AlertId)?,
-        ..alert
-    })
+    let rank: i64 = column(row, TABLE, 2)?;
+    let rank = u32::try_from(rank).map_err(corrupt(TABLE))?;
+    StoredAlert::parse(id, rank, &record).map_err(corrupt(TABLE))
 }
 
 fn moment_of(row: &Row) -> Result<AlertMoment, StoreError> {
@@ -200,10 +200,7 @@ fn moment_of(row: &Row) -> Result<AlertMoment, StoreError> {
     Ok(AlertMoment {
         at_ns: wall_time(row, TABLE, 0)?,
         version: number(column(row, TABLE, 1)?).map(Version)?,
-        state: ConditionName::parse(&state).ok_or_else(|| StoreError::Corrupt {
-            table: TABLE,
-            reason: format!("state {state:?} is unknown"),
-        })?,
+        state: Named::condition(&state),
         what: column(row, TABLE, 3)?,
         by: column(row, TABLE, 4)?,
         note: column(row, TABLE, 5)?,

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use async_trait::async_trait;
-use fleetcal_domain::alert::Alert;
+use fleetcal_domain::alert::{Alert, StoredAlert};
 use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
@@ -340,11 +340,14 @@ impl Reader for SqlReader {
         alerts::active_alerts(&mut self.connection()).await
     }
 
-    async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<Alert>, StoreError> {
+    async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<StoredAlert>, StoreError> {
         alerts::alerts(&mut self.connection(), filter).await
     }
 
-    async fn alert(&self, id: AlertId) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError> {
+    async fn alert(
+        &self,
+        id: AlertId,
+    ) -> Result<Option<(StoredAlert, Vec<AlertMoment>)>, StoreError> {
         alerts::alert(&mut self.connection(), id).await
     }
 

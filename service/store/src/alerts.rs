@@ -1,6 +1,6 @@
 //! Alerts in the store.
 
-use fleetcal_domain::alert::ConditionName;
+use fleetcal_domain::alert::{ConditionName, Named};
 use fleetcal_model::{Version, WallTime};
 use fleetcal_proto::RobotId;
 
@@ -12,7 +12,7 @@ pub struct AlertMoment {
     /// The alert's version afterwards.
     pub version: Version,
     /// Condition of the alert afterwards.
-    pub state: ConditionName,
+    pub state: Named<ConditionName>,
     /// Description of the observation.
     pub what: String,
     /// Person or tool that acknowledged it; `None` for a change of the condition.

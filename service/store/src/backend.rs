@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use async_trait::async_trait;
 use fleetcal_domain::access::{SecretHash, SetupCode};
-use fleetcal_domain::alert::Alert;
+use fleetcal_domain::alert::{Alert, StoredAlert};
 use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
@@ -254,14 +254,17 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     /// Number of the latest row of the audit; 0 if there is none.
     async fn audit_last(&self) -> Result<AuditId, StoreError>;
 
-    /// Every alert that has not ended.
+    /// Every alert of a known kind and condition that has not ended.
     async fn active_alerts(&self) -> Result<Vec<Alert>, StoreError>;
 
     /// Alerts, the most urgent first, the newest first among equals.
-    async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<Alert>, StoreError>;
+    async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<StoredAlert>, StoreError>;
 
     /// Reads an alert with its changes, oldest first.
-    async fn alert(&self, id: AlertId) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError>;
+    async fn alert(
+        &self,
+        id: AlertId,
+    ) -> Result<Option<(StoredAlert, Vec<AlertMoment>)>, StoreError>;
 
     /// Every webhook, oldest first.
     async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError>;

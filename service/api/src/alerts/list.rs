@@ -62,9 +62,9 @@ pub(super) async fn list_alerts(
     };
     let mut found = api.store.alerts(&filter).await?;
     let next = cut(&mut found, limit, |last| {
-        format!("{}-{}", last.rank(), last.id)
+        format!("{}-{}", last.rank(), last.id())
     });
-    let items = found.iter().map(AlertDocument::of).collect();
+    let items = found.iter().map(AlertDocument::of_stored).collect();
     Ok(Json(AlertPage { items, next }))
 }
 

@@ -3,7 +3,7 @@
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
-use fleetcal_domain::alert::{AlertDocument, AlertRefused, ConditionName};
+use fleetcal_domain::alert::{AlertDocument, AlertRefused, ConditionName, Named};
 use fleetcal_domain::limits;
 use fleetcal_model::{AlertId, Version};
 use fleetcal_store::{AlertMoment, StoreError};
@@ -35,8 +35,9 @@ struct MomentDocument {
     time: Timestamp,
     /// Version of the alert afterwards.
     version: Version,
-    /// Condition of the alert afterwards.
-    state: ConditionName,
+    /// Condition of the alert afterwards; of one that a newer version has stored, its name there.
+    #[schema(value_type = ConditionName)]
+    state: Named<ConditionName>,
     /// Description of the observation.
     what: String,
     /// Person or tool that acknowledged it; `null` for a change of its state.
@@ -81,10 +82,10 @@ pub(super) async fn get_alert(
     let found = api.store.alert(id).await?;
     let (alert, history) = found.ok_or(StoreError::Alert(AlertRefused::Unknown(id)))?;
     let document = WholeAlert {
-        alert: AlertDocument::of(&alert),
+        alert: AlertDocument::of_stored(&alert),
         history: history.into_iter().map(MomentDocument::of).collect(),
     };
-    Ok(versioned_json(StatusCode::OK, alert.version, document))
+    Ok(versioned_json(StatusCode::OK, alert.version(), document))
 }
 
 /// Acknowledgement of an alert.
@@ -115,7 +116,7 @@ pub(super) struct AcknowledgementBody {
         (status = OK, description = "The acknowledged alert", body = AlertDocument,
             headers(("ETag" = String, description = "Version of the alert."))),
         (status = NOT_FOUND, description = "The alert is unknown"),
-        (status = CONFLICT, description = "The alert is acknowledged already"),
+        (status = CONFLICT, description = "The alert is acknowledged already, or of a newer version"),
     )
 )]
 pub(super) async fn acknowledge_alert(

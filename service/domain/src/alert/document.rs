@@ -7,8 +7,14 @@ use serde::Serialize;
 
 use super::condition::ConditionName;
 use super::kind::{AlertKind, Severity};
-use super::record::Alert;
+use super::record::{Acknowledgement, Alert};
+use super::stored::{Named, NewerAlert, StoredAlert};
 use crate::timestamp;
+
+/// Advice for an alert of a newer version.
+const NEWER_ADVICE: &str = "This version of fleetcal does not know this alert: a newer one that \
+                            shares the database raised it. Finish the upgrade, or look at an \
+                            instance of the newer version.";
 
 /// Present or past problem of a robot. Its `ETag` is `version`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -21,12 +27,14 @@ pub struct AlertDocument {
     pub robot: Option<RobotId>,
     /// Robots of an alert about several; empty otherwise.
     pub robots: Vec<RobotId>,
-    /// Kind of problem.
-    pub kind: AlertKind,
+    /// Kind of problem; for one that a newer version of the service has stored, its name there.
+    #[cfg_attr(feature = "openapi", schema(value_type = AlertKind))]
+    pub kind: Named<AlertKind>,
     /// Severity of the problem.
     pub severity: Severity,
-    /// Condition of the alert.
-    pub state: ConditionName,
+    /// Condition of the alert; for one that a newer version has stored, its name there.
+    #[cfg_attr(feature = "openapi", schema(value_type = ConditionName))]
+    pub state: Named<ConditionName>,
     /// Begin of that condition.
     #[cfg_attr(feature = "openapi", schema(value_type = String, format = DateTime))]
     pub since: Timestamp,
@@ -67,14 +75,13 @@ pub struct AcknowledgementDocument {
 impl AlertDocument {
     /// Document of an alert.
     pub fn of(alert: &Alert) -> Self {
-        let acknowledgement = alert.acknowledgement.as_ref();
         Self {
             id: alert.id,
             robot: alert.robot.robot().cloned(),
             robots: alert.robots.clone(),
-            kind: alert.kind,
+            kind: alert.kind.into(),
             severity: alert.kind.severity(),
-            state: alert.condition.name(),
+            state: alert.condition.name().into(),
             since: timestamp::of(alert.condition.since()),
             version: alert.version,
             what: words(alert),
@@ -82,12 +89,47 @@ impl AlertDocument {
             began: timestamp::of(alert.began_ns),
             alerted: alert.alerted_ns.map(timestamp::of),
             ended: alert.ended_ns.map(timestamp::of),
-            acknowledgement: acknowledgement.map(|one| AcknowledgementDocument {
-                by: one.by.clone(),
-                at: timestamp::of(one.at_ns),
-                note: one.note.clone(),
-            }),
+            acknowledgement: alert.acknowledgement.as_ref().map(acknowledged),
         }
+    }
+
+    /// Document of an alert in the database.
+    pub fn of_stored(stored: &StoredAlert) -> Self {
+        match stored {
+            StoredAlert::Known(alert) => Self::of(alert),
+            StoredAlert::Newer(newer) => Self::of_newer(newer),
+        }
+    }
+
+    fn of_newer(newer: &NewerAlert) -> Self {
+        let kind = Named::kind(&newer.kind);
+        Self {
+            id: newer.id,
+            robot: newer.robot.robot().cloned(),
+            robots: newer.robots.clone(),
+            severity: match kind {
+                Named::Known(kind) => kind.severity(),
+                Named::Newer(_) => Severity::Warning,
+            },
+            kind,
+            state: Named::condition(&newer.condition.state),
+            since: timestamp::of(newer.condition.since_ns),
+            version: newer.version,
+            what: newer.what.clone(),
+            advice: NEWER_ADVICE,
+            began: timestamp::of(newer.began_ns),
+            alerted: newer.alerted_ns.map(timestamp::of),
+            ended: newer.ended_ns.map(timestamp::of),
+            acknowledgement: newer.acknowledgement.as_ref().map(acknowledged),
+        }
+    }
+}
+
+fn acknowledged(one: &Acknowledgement) -> AcknowledgementDocument {
+    AcknowledgementDocument {
+        by: one.by.clone(),
+        at: timestamp::of(one.at_ns),
+        note: one.note.clone(),
     }
 }
 

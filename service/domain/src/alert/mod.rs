@@ -12,6 +12,7 @@ mod kind;
 mod policy;
 mod record;
 mod rules;
+mod stored;
 mod subject;
 
 #[cfg(test)]
@@ -24,4 +25,5 @@ pub use kind::{AlertKind, Severity};
 pub use policy::AlertPolicy;
 pub use record::{Acknowledgement, Alert, AlertRefused, Notice, Step, step};
 pub use rules::{Sighting, Situation, sessions_full, sightings};
+pub use stored::{Named, NewerAlert, NewerCondition, StoredAlert};
 pub use subject::Subject;

@@ -96,6 +96,9 @@ pub enum AlertRefused {
     /// Alert that is acknowledged already.
     #[error("{0} has acknowledged this already")]
     AcknowledgedAlready(String),
+    /// Alert that a newer version has stored.
+    #[error("a newer version of fleetcal raised it: acknowledge it at an instance of that version")]
+    Newer,
 }
 
 /// Applies a sighting to the active alert of a robot and kind; `before` is `None` without one.

@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 
 use fleetcal_contract::TestDatabase;
 use fleetcal_domain::access::{Authentication, Role};
-use fleetcal_domain::alert::{AlertRefused, Observation, Sighting};
+use fleetcal_domain::alert::{AlertDocument, AlertRefused, Observation, Sighting, StoredAlert};
 use fleetcal_domain::limits;
 use fleetcal_domain::webhook::{
     Attempt, DeliveryState, Secret, Webhook, WebhookEvent, WebhookRefused, WebhookUrl,
@@ -74,7 +74,8 @@ async fn all(store: &Store, selection: Option<AlertSelection>) -> Vec<Alert> {
         limit: 1_000,
         ..AlertFilter::default()
     };
-    store.alerts(&filter).await.unwrap()
+    let stored = store.alerts(&filter).await.unwrap().into_iter();
+    stored.filter_map(StoredAlert::known).collect()
 }
 
 async fn create(store: &Store, url: &str, events: &[WebhookEvent]) -> Result<Webhook, StoreError> {
@@ -116,6 +117,7 @@ async fn an_alert_is_one_until_it_is_over_and_survives_a_restart() {
     observe(&store, "a", AlertKind::Drift, Clear, 73).await;
     assert!(store.active_alerts().await.unwrap().is_empty());
     let (alert, history) = store.alert(active[0].id).await.unwrap().unwrap();
+    let alert = alert.known().unwrap();
     assert_eq!(alert.ended_ns, Some(WallTime((NOW_S + 73) * NS)));
     let went: Vec<_> = history
         .iter()
@@ -173,8 +175,9 @@ async fn the_most_urgent_come_first_and_pages_do_not_overlap() {
         };
         let page = store.alerts(&filter).await.unwrap();
         let Some(last) = page.last() else { break };
-        after = Some((last.rank(), last.id.0 as i64));
-        paged.extend(names(&page));
+        after = Some((last.rank(), last.id().0 as i64));
+        let page = page.into_iter().filter_map(StoredAlert::known);
+        paged.extend(names(&page.collect::<Vec<_>>()));
     }
     assert_eq!(paged, order);
 }
@@ -440,4 +443,74 @@ async fn a_kill_between_commit_and_sending_loses_no_message() {
         let told = |body: &str| body.contains(&format!("\"robot\":\"{name}\""));
         assert!(waiting.iter().any(|one| told(&one.body)), "{name} is lost");
     }
+}
+
+/// Checks an upgrade of a cluster: an instance of a newer version has stored a kind and a condition
+/// that this version does not know.
+#[tokio::test]
+async fn alerts_of_a_newer_version_are_shown_by_their_names_and_left_alone() {
+    use Observation::{Clear, Firing};
+    let database = TestDatabase::in_sqlite();
+    let store = open(&database, &clock()).await;
+    for (name, kind) in [("a", AlertKind::Drift), ("b", AlertKind::NotApplied)] {
+        observe(&store, name, kind, Firing, 0).await;
+        observe(&store, name, kind, Firing, 60).await;
+    }
+    let by_newer = "
+        INSERT INTO alert (record, rank)
+        SELECT json_set(record, '$.kind', 'tyre_pressure', '$.robot', 'c'), 2 FROM alert
+        WHERE kind = 'drift';
+        UPDATE alert SET record = json_set(record, '$.condition.state', 'suppressed')
+        WHERE kind = 'not_applied';
+        UPDATE alert_change SET state = 'suppressed' WHERE alert IN
+            (SELECT id FROM alert WHERE kind = 'not_applied')";
+    database.execute(by_newer).await;
+
+    let filter = AlertFilter {
+        limit: 10,
+        ..AlertFilter::default()
+    };
+    let stored = store.alerts(&filter).await.unwrap();
+    let documents: Vec<_> = stored.iter().map(AlertDocument::of_stored).collect();
+    let shown: Vec<_> = documents
+        .iter()
+        .map(|one| (one.kind.as_str(), one.state.as_str()))
+        .collect();
+    let expected = [
+        ("drift", "alerting"),
+        ("tyre_pressure", "alerting"),
+        ("not_applied", "suppressed"),
+    ];
+    assert_eq!(shown, expected);
+    let json = serde_json::to_value(&documents[1]).unwrap();
+    assert_eq!(
+        (&json["kind"], &json["robot"]),
+        (&"tyre_pressure".into(), &"c".into())
+    );
+    let active = store.active_alerts().await.unwrap();
+    assert_eq!(active.len(), 1, "{active:?}");
+    let id = stored[2].id();
+    let (_, history) = store.alert(id).await.unwrap().unwrap();
+    assert!(history.iter().all(|one| one.state.as_str() == "suppressed"));
+
+    // This version changes neither, and evaluates the others.
+    for (name, kind) in [("b", AlertKind::NotApplied), ("a", AlertKind::Drift)] {
+        observe(&store, name, kind, Clear, 70).await;
+    }
+    for newer in &stored[1..] {
+        let refused = acknowledge(&store, newer.id().0, newer.version()).await;
+        assert!(matches!(
+            refused,
+            Err(StoreError::Alert(AlertRefused::Newer))
+        ));
+    }
+    let after = store.alerts(&filter).await.unwrap();
+    assert_eq!(after[1..], stored[1..]);
+    assert_ne!(after[0], stored[0]);
+
+    // A row that no version has written is an error.
+    let broken = "UPDATE alert SET record = json_remove(record, '$.what') WHERE kind = 'drift'";
+    database.execute(broken).await;
+    let broken = store.alerts(&filter).await.unwrap_err();
+    assert!(matches!(broken, StoreError::Corrupt { .. }), "{broken}");
 }

@@ -7,7 +7,8 @@ use async_trait::async_trait;
 use fleetcal_cluster::{Duty, Seat};
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::alert::{
-    Acknowledgement, Alert, AlertPolicy, AlertRefused, Notice, Sighting, Step, Subject, step,
+    Acknowledgement, Alert, AlertPolicy, AlertRefused, Notice, Sighting, Step, StoredAlert,
+    Subject, step,
 };
 use fleetcal_domain::audit::Action;
 use fleetcal_domain::limits;
@@ -90,7 +91,12 @@ impl Observe {
         subject: &Subject,
         sighting: &Sighting,
     ) -> Result<Option<AlertChange>, StoreError> {
-        let before = records.active_alert(subject, sighting.kind).await?;
+        let before = match records.active_alert(subject, sighting.kind).await? {
+            Some(StoredAlert::Known(alert)) => Some(*alert),
+            None => None,
+            // What an instance of a newer version has made of it stays.
+            Some(StoredAlert::Newer(_)) => return Ok(None),
+        };
         let periods = self.policy.periods(sighting.kind);
         match step(before.as_ref(), subject, sighting, self.now, periods) {
             Step::Same => Ok(None),
@@ -153,6 +159,7 @@ impl Job for Acknowledge {
     async fn run(&self, records: &mut dyn Records) -> Result<Alert, StoreError> {
         let before = records.alert(self.id).await?;
         let before = before.ok_or(AlertRefused::Unknown(self.id))?;
+        let before = before.known().ok_or(AlertRefused::Newer)?;
         let acknowledgement = Acknowledgement {
             by: self.actor.name.clone(),
             at_ns: self.now,
@@ -187,7 +194,7 @@ async fn note_change(
     let moment = AlertMoment {
         at_ns: now,
         version: alert.version,
-        state: alert.condition.name(),
+        state: alert.condition.name().into(),
         what: alert.what.clone(),
         by,
         note,

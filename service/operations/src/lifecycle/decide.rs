@@ -7,7 +7,7 @@ use std::sync::Arc;
 use async_trait::async_trait;
 use fleetcal_cluster::Tenure;
 use fleetcal_domain::access::{Actor, Authentication, Role};
-use fleetcal_domain::alert::{AlertKind, Subject};
+use fleetcal_domain::alert::{AlertKind, StoredAlert, Subject};
 use fleetcal_domain::approval::{
     Command, Drawing, Outcome, Policy, Present, Proposal, Refused, Standing, Transition, audited,
     automatic, nominal_values, step,
@@ -233,7 +233,8 @@ impl Decide {
         let mut active = Vec::new();
         for kind in AlertKind::ALL {
             for subject in [Subject::Robot(self.robot.clone()), Subject::Fleet] {
-                active.extend(records.active_alert(&subject, kind).await?);
+                let stored = records.active_alert(&subject, kind).await?;
+                active.extend(stored.and_then(StoredAlert::known));
             }
         }
         let mut alerts = RobotAlerts::by_robot(&active);

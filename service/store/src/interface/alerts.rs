@@ -1,6 +1,6 @@
 //! Requests for alerts.
 
-use fleetcal_domain::alert::Alert;
+use fleetcal_domain::alert::{Alert, StoredAlert};
 use fleetcal_model::AlertId;
 
 use crate::Store;
@@ -8,7 +8,7 @@ use crate::alerts::{AlertFilter, AlertMoment};
 use crate::error::StoreError;
 
 impl Store {
-    /// Every alert that has not ended.
+    /// Every alert that has not ended, except those that only a newer version knows.
     ///
     /// # Errors
     /// The database's failure.
@@ -20,7 +20,7 @@ impl Store {
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<Alert>, StoreError> {
+    pub async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<StoredAlert>, StoreError> {
         self.shared.reader.alerts(filter).await
     }
 
@@ -31,7 +31,7 @@ impl Store {
     pub async fn alert(
         &self,
         id: AlertId,
-    ) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError> {
+    ) -> Result<Option<(StoredAlert, Vec<AlertMoment>)>, StoreError> {
         self.shared.reader.alert(id).await
     }
 }

@@ -1,7 +1,7 @@
 //! Alerts and their changes.
 
 use async_trait::async_trait;
-use fleetcal_domain::alert::{Alert, AlertKind, Subject};
+use fleetcal_domain::alert::{Alert, AlertKind, StoredAlert, Subject};
 use fleetcal_model::AlertId;
 
 use crate::alerts::AlertMoment;
@@ -15,10 +15,10 @@ pub trait AlertRecords {
         &mut self,
         subject: &Subject,
         kind: AlertKind,
-    ) -> Result<Option<Alert>, StoreError>;
+    ) -> Result<Option<StoredAlert>, StoreError>;
 
     /// Reads one alert.
-    async fn alert(&mut self, id: AlertId) -> Result<Option<Alert>, StoreError>;
+    async fn alert(&mut self, id: AlertId) -> Result<Option<StoredAlert>, StoreError>;
 
     /// Adds an alert; returns its number, which was never used before.
     async fn add_alert(&mut self, alert: &Alert) -> Result<AlertId, StoreError>;

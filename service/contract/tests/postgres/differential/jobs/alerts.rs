@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use fleetcal_domain::alert::{Acknowledgement, Alert, AlertKind, Condition, Subject};
+use fleetcal_domain::alert::{Acknowledgement, Alert, AlertKind, Condition, StoredAlert, Subject};
 use fleetcal_model::{AlertId, Version, WallTime};
 use fleetcal_store::{AlertMoment, StoreError};
 use rand::Rng;
@@ -23,7 +23,8 @@ impl Run<'_> {
             state: Condition::Alerting {
                 since_ns: WallTime(1),
             }
-            .name(),
+            .name()
+            .into(),
             what: words(chance),
             by: chance.random_bool(0.5).then(|| words(chance)),
             note: chance.random_bool(0.5).then(|| words(chance)),
@@ -60,7 +61,7 @@ impl Run<'_> {
 
     pub(super) async fn save_alert(&mut self) -> Result<(), StoreError> {
         let id = self.some_alert();
-        let Some(before) = ask!(self, alert(id)) else {
+        let Some(before) = ask!(self, alert(id)).and_then(StoredAlert::known) else {
             return Ok(());
         };
         let since_ns = time(&mut self.chance);
