@@ -3,11 +3,12 @@
 use std::time::Duration;
 
 use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
+use tokio::task::JoinError;
 use tokio_util::sync::CancellationToken;
-use tracing::{debug, info};
-use zenoh::Wait;
+use tracing::{Dispatch, debug, dispatcher, info};
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
+use zenoh::{Session, Wait};
 
 use crate::connection::Connection;
 use crate::session_error::SessionError;
@@ -42,9 +43,7 @@ impl ClientConfig {
         let mut attempts = 0_u32;
         while !stop.is_cancelled() {
             let config = self.0.clone();
-            // Opening blocks its thread until the connection stands or times out.
-            let opened = tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await?;
-            match opened {
+            match open(config).await? {
                 Ok(session) => return Ok(Some(session)),
                 Err(error) if attempts == 0 => {
                     info!(robot.id = %robot, %error, "nobody to connect to yet, trying on");
@@ -59,6 +58,13 @@ impl ClientConfig {
         }
         Ok(None)
     }
+}
+
+/// Opens a session on a thread of its own: this blocks until it is connected, or the time is over.
+/// Zenoh's lines about it are left out, since the returned error says the same.
+pub(crate) async fn open(config: zenoh::Config) -> Result<zenoh::Result<Session>, JoinError> {
+    let opens = move || dispatcher::with_default(&Dispatch::none(), || zenoh::open(config).wait());
+    tokio::task::spawn_blocking(opens).await
 }
 
 /// Declares one of a robot's streams.

@@ -12,6 +12,7 @@ mod rest;
 mod robot_recording;
 mod ros2;
 
+use std::net::TcpListener;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -19,7 +20,7 @@ use fleetcal_robot::recording::AskedTopic;
 use fleetcal_robot::replay::{Pacing, Rate, replay};
 use fleetcal_tests::replayed::{assert_same, calibrated, replay_equals_calibrate, send, sender};
 use fleetcal_tests::rewritten::DriveAs;
-use fleetcal_tests::service::{Service, wait_for};
+use fleetcal_tests::service::{Service, free_port, wait_for};
 use fleetcal_tests::{binary, clouds, recording, rewritten};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -198,6 +199,36 @@ fn a_configuration_that_cannot_be_is_refused_in_one_sentence() {
         ]);
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(
+            said.contains(wanted) && said.trim_end().lines().count() == 1,
+            "{said}"
+        );
+    }
+}
+
+#[test]
+fn what_zenoh_refuses_at_the_start_is_reported_once() {
+    let folder = TempDir::new().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    recording::simulated(&folder.path().join("robot.mcap"), 1.0);
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let listen = format!("tcp/{}", taken.local_addr().unwrap());
+    let nobody = format!("tcp/{}", free_port());
+    let (data, robot) = (path("data"), path("robot.mcap"));
+    let serve = [
+        "serve",
+        "--http",
+        "127.0.0.1:0",
+        "--data",
+        &data,
+        "--listen",
+        &listen,
+    ];
+    let replay = ["replay", &robot, "--robot", "robot_a", "--connect", &nobody];
+    for (words, wanted) in [(&serve[..], "in use"), (&replay[..], nobody.as_str())] {
+        let output = binary::run(words);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success(), "{said}");
         assert!(
             said.contains(wanted) && said.trim_end().lines().count() == 1,
             "{said}"

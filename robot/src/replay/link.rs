@@ -5,12 +5,12 @@ use std::time::Duration;
 use fleetcal_proto::progress::Progress;
 use fleetcal_proto::{RobotId, StreamKind};
 use tokio::time::Instant;
-use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
 use super::{ReplayError, ReplayOptions};
+use crate::session;
 
 /// Timeout of one query for the progress.
 const PROGRESS_TIMEOUT: Duration = Duration::from_secs(2);
@@ -56,12 +56,12 @@ impl Link {
     ) -> Result<Self, ReplayError> {
         let timeout_ms = options.connect_timeout.as_millis() as u64;
         let config = options.connect.config(timeout_ms)?;
-        // Opening blocks its thread until the connection stands or times out.
-        let opened = tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await?;
-        let session = opened.map_err(|error| ReplayError::Connect {
-            connection: options.connect.to_string(),
-            reason: error.to_string(),
-        })?;
+        let session = session::open(config)
+            .await?
+            .map_err(|error| ReplayError::Connect {
+                connection: options.connect.to_string(),
+                reason: error.to_string(),
+            })?;
         let mut streams = Vec::new();
         for lane in lanes {
             // All streams have the same priority and wait for room: one order, nothing dropped.

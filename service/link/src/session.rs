@@ -7,6 +7,7 @@ use fleetcal_domain::limits;
 use fleetcal_proto::endpoint;
 use serde_json::Value;
 use tokio::sync::oneshot;
+use tracing::{Dispatch, dispatcher};
 use zenoh::internal::runtime::{DynamicRuntime, Runtime, RuntimeBuilder, ZRuntime};
 use zenoh::key_expr::OwnedKeyExpr;
 use zenoh::{Config, Session, Wait};
@@ -53,7 +54,10 @@ pub async fn open(
     let endpoints = endpoints.trim().to_owned();
     warn_without_list(&config, setup);
     warn_beyond_bounds(&config);
-    let opened = on_own_thread("zenoh-open", move || opened_with(config, sessions));
+    // Zenoh's lines on that thread say what the returned error says.
+    let opened = on_own_thread("zenoh-open", move || {
+        dispatcher::with_default(&Dispatch::none(), || opened_with(config, sessions))
+    });
     match tokio::time::timeout(limits::ZENOH_OPEN_TIMEOUT, opened).await {
         Ok(Some(Ok((session, runtime)))) => Ok(Opened {
             session,
