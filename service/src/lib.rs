@@ -10,4 +10,5 @@ mod cluster;
 pub mod command;
 mod database;
 pub mod environment;
+mod memory;
 pub mod service;

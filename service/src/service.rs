@@ -33,7 +33,7 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use crate::{cluster, database};
+use crate::{cluster, database, memory};
 
 /// Version and commit of this program; a build sets the commit in the variable `FLEETCAL_COMMIT`.
 const BUILD: BuildInfo = BuildInfo {
@@ -249,6 +249,23 @@ impl Service {
     }
 }
 
+/// Makes the largest numbers of Zenoh sessions.
+fn shares(config: &Config) -> Shares {
+    let configured = Shares {
+        of_name: config.sessions_per_name,
+        of_address: config.sessions_per_address,
+        ..Shares::default()
+    };
+    match (config.sessions_without_name, memory::allowed_bytes()) {
+        (Some(nameless), _) => Shares {
+            nameless,
+            ..configured
+        },
+        (None, Some(bytes)) => configured.within_memory(bytes),
+        (None, None) => configured,
+    }
+}
+
 /// Makes the link's setup, and checks it before anything is opened.
 fn link_setup(config: &Config) -> Result<LinkSetup, ServiceError> {
     if let (Some(instance), None) = (&config.cluster.instance, &config.database) {
@@ -262,11 +279,7 @@ fn link_setup(config: &Config) -> Result<LinkSetup, ServiceError> {
         connect: config.connect.clone(),
         zenoh_config: config.zenoh_config.clone(),
         allow_anonymous: config.allow_anonymous,
-        shares: Shares {
-            of_name: config.sessions_per_name,
-            of_address: config.sessions_per_address,
-            ..Shares::default()
-        },
+        shares: shares(config),
         keys: Keys::new(config.root.clone()),
         ros2: config.ros2.clone(),
         ..LinkSetup::default()

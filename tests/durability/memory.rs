@@ -1,16 +1,26 @@
 //! A service that has 256 MiB of memory, by a control group of the kernel: `make hardening-process`.
 
 use std::fs;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
+use fleetcal_domain::limits::ZENOH_SESSIONS_PER_ADDRESS_DEFAULT;
 use fleetcal_tests::service::{Service, wait_for};
 
 use crate::durability::lifecycle::{Fleet, received};
+use crate::zenoh::raw_peer::{Channel, RawPeer};
 
 const MEMORY_BYTES: u64 = 256 << 20;
 /// Robots of the nominal load, and its duration, s.
 const ROBOTS: usize = 50;
 const DRIVE_S: u64 = 60;
+/// Addresses that begin messages and never end them.
+const ADDRESSES: u8 = 3;
+/// Number of fragments of such a message, and the bytes of one: close to the largest message.
+const LONG: (u64, usize) = (40, 48_000);
+/// Time for which these sessions go on.
+const ATTACKED_FOR: Duration = Duration::from_secs(3);
 
 /// A control group with a limit of memory, removed with the test.
 struct Limited {
@@ -96,4 +106,39 @@ fn fifty_robots_are_served_within_256_mib() {
         MEMORY_BYTES >> 20,
         most >> 20
     );
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "makes a control group, which takes root; make hardening-process"]
+async fn unfinished_messages_of_several_addresses_leave_a_service_within_256_mib() {
+    let limited = Limited::new();
+    let service = limited.inside(|| Service::start(&["robot_a"]));
+    let pid = service.pid();
+    let endpoint = service.endpoint();
+    let to: SocketAddr = endpoint.trim_start_matches("tcp/").parse().unwrap();
+    let mut peers = Vec::new();
+    for number in 0..u128::from(ADDRESSES) * ZENOH_SESSIONS_PER_ADDRESS_DEFAULT as u128 {
+        let last = 2 + (number % u128::from(ADDRESSES)) as u8;
+        let from = IpAddr::V4(Ipv4Addr::new(127, 0, 0, last));
+        // One beyond the share is closed, maybe before it is open.
+        let Ok(mut peer) = RawPeer::open(from, to, number + 1).await else {
+            continue;
+        };
+        for is_reliable in [true, false] {
+            let channel = Channel {
+                is_reliable,
+                priority: None,
+            };
+            drop(peer.begin_message(channel, LONG.0, LONG.1));
+        }
+        peers.push(peer);
+    }
+    tokio::time::sleep(ATTACKED_FOR).await;
+    println!(
+        "{} sessions of {ADDRESSES} addresses: {} MiB resident",
+        peers.len(),
+        service.memory_bytes() >> 20
+    );
+    assert_eq!(service.status("/readyz", None), 200);
+    assert_eq!(service.pid(), pid);
 }

@@ -17,7 +17,7 @@ mod lists;
 mod mesh;
 mod native;
 mod quic_streams;
-mod raw_peer;
+pub mod raw_peer;
 mod robot;
 mod router;
 mod routers;

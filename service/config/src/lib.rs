@@ -99,6 +99,9 @@ pub struct Config {
     pub sessions_per_name: usize,
     /// Largest number of Zenoh sessions of one address without a name.
     pub sessions_per_address: usize,
+    /// Largest number of Zenoh sessions without a name; by the memory that the process may use
+    /// unless given.
+    pub sessions_without_name: Option<usize>,
     /// First chunk of every key.
     pub root: KeyRoot,
     /// Settings of the topics of ROS 2 robots.
@@ -134,6 +137,7 @@ impl Default for Config {
             allow_anonymous: false,
             sessions_per_name: limits::ZENOH_SESSIONS_PER_NAME_DEFAULT,
             sessions_per_address: limits::ZENOH_SESSIONS_PER_ADDRESS_DEFAULT,
+            sessions_without_name: None,
             root: KeyRoot::default(),
             ros2: Ros2Settings::default(),
             estimator: EstimatorSettings::default(),

@@ -397,6 +397,9 @@ pub const ZENOH_UNFINISHED_PER_SESSION_MAX: usize = 2;
 /// Bytes of unfinished messages that all sessions of one owner hold by default.
 pub const ZENOH_UNFINISHED_BYTES_DEFAULT: usize =
     ZENOH_SESSIONS_PER_ADDRESS_DEFAULT * ZENOH_UNFINISHED_PER_SESSION_MAX * ZENOH_MESSAGE_BYTES_MAX;
+/// Part of the memory that the process may use which unfinished messages of all sessions without a
+/// name may fill together: one in so many.
+pub const ZENOH_UNFINISHED_MEMORY_PART: usize = 2;
 /// Sessions that Zenoh opens beyond, so that one can come while its place is still taken by
 /// another.
 pub const ZENOH_SESSIONS_OPENING_MAX: usize = 256;

@@ -1,8 +1,9 @@
 //! Places of Zenoh sessions, of which more may come than there are places.
 //!
 //! Places are shared by name, of peers that show a password or a certificate, and else by address.
-//! When all are taken, the newest session of whoever has the most goes for one of somebody who would
-//! have fewer. So one client cannot keep the others out, however many sessions it opens.
+//! When all are taken, or all of those without a name, the newest session of whoever has the most
+//! goes for one of somebody who would have fewer. So one client cannot keep the others out, however
+//! many sessions it opens.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fmt;
@@ -19,6 +20,12 @@ pub enum Owner {
     Address(String),
 }
 
+impl Owner {
+    const fn is_nameless(&self) -> bool {
+        matches!(self, Self::Address(_))
+    }
+}
+
 impl fmt::Display for Owner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -33,6 +40,8 @@ impl fmt::Display for Owner {
 pub struct Shares {
     /// Sessions in total.
     pub all: usize,
+    /// Sessions without a name.
+    pub nameless: usize,
     /// Sessions of one address.
     pub of_address: usize,
     /// Sessions of one name.
@@ -53,14 +62,39 @@ impl Shares {
     }
 }
 
+impl Shares {
+    /// Limits the sessions without a name to those whose unfinished messages fill a part of the
+    /// memory that the process may use, bytes.
+    #[must_use]
+    pub fn within_memory(self, bytes: u64) -> Self {
+        let of_session = limits::ZENOH_UNFINISHED_PER_SESSION_MAX * limits::ZENOH_MESSAGE_BYTES_MAX;
+        let bytes = usize::try_from(bytes).unwrap_or(usize::MAX);
+        let nameless = bytes / limits::ZENOH_UNFINISHED_MEMORY_PART / of_session;
+        Self {
+            nameless: self.nameless.min(nameless.max(1)),
+            ..self
+        }
+    }
+}
+
 impl Default for Shares {
     fn default() -> Self {
         Self {
             all: limits::ZENOH_SESSIONS_MAX,
+            nameless: limits::ZENOH_SESSIONS_MAX,
             of_address: limits::ZENOH_SESSIONS_PER_ADDRESS_DEFAULT,
             of_name: limits::ZENOH_SESSIONS_PER_NAME_DEFAULT,
         }
     }
+}
+
+/// Sessions that are counted together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Of {
+    /// All sessions.
+    All,
+    /// Sessions without a name.
+    Nameless,
 }
 
 /// Open sessions, each with the value that closes it.
@@ -88,14 +122,20 @@ impl<C> Places<C> {
         self.open.len()
     }
 
-    /// Describes the owner of the most places when all are taken, else an owner with its full share.
+    /// Describes the owner of the most places when all are taken, or all without a name, else an
+    /// owner with its full share.
     pub fn crowded(&self) -> Option<String> {
-        if self.are_all_taken() {
-            let (owner, count) = self.greediest()?;
-            let taken = self.taken();
-            return Some(format!(
-                "all {taken} places of Zenoh sessions are taken, {count} of them by {owner}"
-            ));
+        for (of, places) in [
+            (Of::All, ""),
+            (Of::Nameless, " without a name (sessions_without_name)"),
+        ] {
+            if self.are_all_taken(of) {
+                let (owner, count) = self.greediest(of)?;
+                let taken = self.taken_of(of);
+                return Some(format!(
+                    "all {taken} places of Zenoh sessions{places} are taken, {count} of them by {owner}"
+                ));
+            }
         }
         let mut owners = self.owners.iter();
         let (owner, own) = owners.find(|(owner, own)| own.len() >= self.share(owner))?;
@@ -112,16 +152,41 @@ impl<C> Places<C> {
         }
     }
 
-    /// Returns the owner of the most places, and their number.
-    pub fn greediest(&self) -> Option<(&Owner, usize)> {
+    /// Returns the owners and the numbers of their places.
+    fn counts(&self, of: Of) -> impl Iterator<Item = (&Owner, usize)> {
         let owners = self.owners.iter();
-        let counts = owners.map(|(owner, own)| (owner, own.len()));
+        let owners = owners.filter(move |(owner, _)| of == Of::All || owner.is_nameless());
+        owners.map(|(owner, own)| (owner, own.len()))
+    }
+
+    /// Returns the owner of the most places, and their number.
+    pub fn greediest(&self, of: Of) -> Option<(&Owner, usize)> {
+        let counts = self.counts(of);
         counts.max_by(|one, other| one.1.cmp(&other.1).then_with(|| other.0.cmp(one.0)))
     }
 
-    /// True if all places are taken.
-    pub fn are_all_taken(&self) -> bool {
-        self.open.len() >= self.shares.all
+    fn taken_of(&self, of: Of) -> usize {
+        match of {
+            Of::All => self.open.len(),
+            Of::Nameless => self.counts(of).map(|(_, count)| count).sum(),
+        }
+    }
+
+    fn are_all_taken(&self, of: Of) -> bool {
+        let places = match of {
+            Of::All => self.shares.all,
+            Of::Nameless => self.shares.nameless,
+        };
+        self.taken_of(of) >= places
+    }
+
+    /// Returns the places of which this owner's next session needs one that another has.
+    fn contested(&self, owner: &Owner) -> Option<Of> {
+        if owner.is_nameless() && self.are_all_taken(Of::Nameless) {
+            Some(Of::Nameless)
+        } else {
+            self.are_all_taken(Of::All).then_some(Of::All)
+        }
     }
 
     /// Admits a session; returns the number of its place, and the value that closes a session which
@@ -134,10 +199,9 @@ impl<C> Places<C> {
         if own >= self.share(&owner) {
             return Err(SessionClosed::Share);
         }
-        let evicted = if self.are_all_taken() {
-            Some(self.newest_of_others(own).ok_or(SessionClosed::Full)?)
-        } else {
-            None
+        let evicted = match self.contested(&owner) {
+            Some(of) => Some(self.newest_of_others(of, own).ok_or(SessionClosed::Full)?),
+            None => None,
         };
         let evicted = evicted.and_then(|number| self.leave(number));
         let number = self.next;
@@ -149,8 +213,8 @@ impl<C> Places<C> {
 
     /// Returns the newest session of the owner with the most, if an owner with `own` and one more
     /// would have fewer.
-    fn newest_of_others(&self, own: usize) -> Option<u64> {
-        let (greediest, count) = self.greediest()?;
+    fn newest_of_others(&self, of: Of, own: usize) -> Option<u64> {
+        let (greediest, count) = self.greediest(of)?;
         let newest = self.owners.get(greediest)?.last().copied();
         newest.filter(|_| count > own + 1)
     }
@@ -175,6 +239,7 @@ mod tests {
     fn places(all: usize) -> Places<&'static str> {
         Places::new(Shares {
             all,
+            nameless: all,
             of_address: 4,
             of_name: 4,
         })
@@ -225,7 +290,7 @@ mod tests {
         }
         assert!(places.admit(at("10.0.0.2"), "b").is_ok());
         assert!(places.admit(at("10.0.0.3"), "c").is_ok());
-        assert!(places.are_all_taken());
+        assert!(places.are_all_taken(Of::All));
         let mut closed = Vec::new();
         for robot in ["robot_a", "robot_b"] {
             let (_, evicted) = places.admit(named(robot), robot).unwrap();
@@ -239,11 +304,38 @@ mod tests {
     }
 
     #[test]
+    fn sessions_without_a_name_share_what_the_memory_holds_of_their_unfinished_messages() {
+        let of = |mib: u64| Shares::default().within_memory(mib << 20).nameless;
+        assert_eq!((of(1), of(256), of(1_024)), (1, 31, 124));
+        assert_eq!(of(u64::MAX >> 20), limits::ZENOH_SESSIONS_MAX);
+        let mut places = Places::new(Shares {
+            nameless: 3,
+            ..places(6).shares
+        });
+        for number in ["1", "2", "3"] {
+            assert!(places.admit(at("10.0.0.1"), number).is_ok());
+        }
+        let crowded = "all 3 places of Zenoh sessions without a name (sessions_without_name) are taken, 3 of them by 10.0.0.1";
+        assert_eq!(places.crowded().unwrap(), crowded);
+        assert_eq!(places.admit(at("10.0.0.1"), ""), Err(SessionClosed::Full));
+        let (_, evicted) = places.admit(at("10.0.0.2"), "").unwrap();
+        assert_eq!(evicted, Some("3"));
+        // Names have places beside them, and lose none to who has no name.
+        for _ in 0..3 {
+            let (_, evicted) = places.admit(named("robot_a"), "a").unwrap();
+            assert_eq!(evicted, None);
+        }
+        let (_, evicted) = places.admit(at("10.0.0.3"), "").unwrap();
+        assert_eq!(evicted, Some("2"));
+        assert_eq!(places.taken(), 6);
+    }
+
+    #[test]
     fn a_place_is_free_again_when_its_session_ends() {
         let mut places = places(6);
         let (number, _) = places.admit(at("10.0.0.1"), "first").unwrap();
         assert_eq!(places.leave(number), Some("first"));
         assert_eq!(places.leave(number), None);
-        assert_eq!((places.taken(), places.greediest()), (0, None));
+        assert_eq!((places.taken(), places.greediest(Of::All)), (0, None));
     }
 }

@@ -18,7 +18,7 @@ use zenoh_transport::{
     TransportPeer, TransportPeerEventHandler,
 };
 
-use crate::places::{Owner, Places, Shares};
+use crate::places::{Of, Owner, Places, Shares};
 
 /// Sessions of a router, which reports each that it has opened.
 pub struct Sessions(Arc<Inner>);
@@ -26,6 +26,8 @@ pub struct Sessions(Arc<Inner>);
 struct Inner {
     /// Number of places.
     all: usize,
+    /// Number of places of sessions without a name.
+    nameless: usize,
     places: Mutex<Places<TransportUnicast>>,
     fleet: FleetHandle,
     clock: SharedClock,
@@ -44,6 +46,7 @@ impl Sessions {
     pub fn new(shares: Shares, fleet: FleetHandle, clock: SharedClock) -> Self {
         Self(Arc::new(Inner {
             all: shares.all,
+            nameless: shares.nameless,
             places: Mutex::new(Places::new(shares)),
             fleet,
             clock,
@@ -61,7 +64,7 @@ impl Inner {
         match admitted {
             Ok((place, evicted)) => {
                 if let Some(evicted) = evicted {
-                    let greediest = places.greediest().map(|(owner, _)| owner.clone());
+                    let greediest = places.greediest(Of::All).map(|(owner, _)| owner.clone());
                     drop(places);
                     self.close(evicted, SessionClosed::MadeRoom, greediest.as_ref());
                 }
@@ -105,7 +108,8 @@ impl Inner {
                 SessionClosed::Full | SessionClosed::MadeRoom => tracing::warn!(
                     most = self.all,
                     whose,
-                    "all places of Zenoh sessions are taken: one is closed"
+                    without_name = self.nameless,
+                    "all places of Zenoh sessions, or of those without a name, are taken: one is closed"
                 ),
             }
         }
@@ -205,6 +209,7 @@ mod tests {
     const PATIENCE: Duration = Duration::from_secs(20);
     const SHARES: Shares = Shares {
         all: 8,
+        nameless: 8,
         of_address: 6,
         of_name: 6,
     };

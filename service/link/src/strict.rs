@@ -87,6 +87,7 @@ impl StrictRouter {
     /// Makes the whole configuration in Zenoh's form. The list denies whatever it does not name.
     pub fn configuration(&self) -> Value {
         let mut transport = bounds::transport();
+        transport["unicast"]["max_sessions"] = json!(self.sessions_max());
         if let Some(tls) = &self.certificate {
             transport["link"]["tls"] = self.tls(tls);
         }
@@ -108,6 +109,13 @@ impl StrictRouter {
             "access_control": self.list(),
             "downsampling": self.limits_of_robots(),
         })
+    }
+
+    /// Returns the number of sessions that the names of the list need, each with its full share.
+    fn sessions_max(&self) -> usize {
+        let names = self.robots.len() + self.routers.len() + usize::from(self.service.is_some());
+        let sessions = names.saturating_mul(limits::ZENOH_SESSIONS_PER_NAME_DEFAULT);
+        sessions.min(limits::ZENOH_SESSIONS_MAX) + limits::ZENOH_SESSIONS_OPENING_MAX
     }
 
     /// Limits the rates of each robot's queries and of its rare streams: a session that sends these
@@ -457,6 +465,20 @@ mod tests {
             let names: BTreeSet<&str> = entries.iter().filter_map(|e| e["id"].as_str()).collect();
             assert_eq!(names.len(), entries.len(), "{part}");
         }
+    }
+
+    #[test]
+    fn a_router_opens_as_many_sessions_as_its_names_need() {
+        let sessions = |robots: usize| {
+            let ids: Vec<_> = (0..robots)
+                .map(|number| format!("robot_{number}"))
+                .collect();
+            let ids: Vec<_> = ids.iter().map(String::as_str).collect();
+            router(&ids).configuration()["transport"]["unicast"]["max_sessions"].clone()
+        };
+        // Two robots, the service and the other router.
+        assert_eq!(sessions(2), json!(4 * 16 + 256));
+        assert_eq!(sessions(1_000), json!(4_352));
     }
 
     #[test]
