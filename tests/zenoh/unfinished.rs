@@ -21,8 +21,14 @@ const BESIDE_BYTES: u64 = 48 << 20;
 const LONG: (u64, usize) = (40, 48_000);
 /// Sessions of one address that begin messages on all channels: twice its share.
 const SESSIONS: u128 = 2 * limits::ZENOH_SESSIONS_PER_ADDRESS_DEFAULT as u128;
-/// Address of these sessions; the robot has another one.
-const FROM: IpAddr = IpAddr::V4(Ipv4Addr::new(127, 0, 0, 2));
+/// Addresses of these sessions; the robot has another one.
+const ADDRESSES: [IpAddr; 3] = [
+    IpAddr::V4(Ipv4Addr::new(127, 0, 0, 2)),
+    IpAddr::V4(Ipv4Addr::new(127, 0, 0, 3)),
+    IpAddr::V4(Ipv4Addr::new(127, 0, 0, 4)),
+];
+/// Sessions without a name that a service has places for, half of what these addresses open.
+const NAMELESS: usize = 32;
 /// Measurements of the memory while messages are received.
 const LOOKS: u32 = 20;
 const LOOK_EVERY: Duration = Duration::from_millis(25);
@@ -39,10 +45,11 @@ fn channels(priorities: &[Option<u8>]) -> Vec<Channel> {
 }
 
 /// Returns the growth of a service while each of these sessions begins a message on each of these
-/// channels.
+/// channels, from these addresses by turns.
 async fn grown(
     service: &Service,
     zids: Range<u128>,
+    addresses: &[IpAddr],
     channels: &[Channel],
     (fragments, bytes): (u64, usize),
 ) -> u64 {
@@ -50,9 +57,9 @@ async fn grown(
     let to: SocketAddr = endpoint.trim_start_matches("tcp/").parse().unwrap();
     let before = service.memory_bytes();
     let mut peers = Vec::new();
-    for zid in zids {
+    for (zid, &from) in zids.zip(addresses.iter().cycle()) {
         // One beyond the share is closed, maybe before it is open.
-        let Ok(mut peer) = RawPeer::open(FROM, to, zid).await else {
+        let Ok(mut peer) = RawPeer::open(from, to, zid).await else {
             continue;
         };
         let begun = |&channel| peer.begin_message(channel, fragments, bytes);
@@ -83,10 +90,32 @@ async fn what_all_sessions_of_one_owner_begin_and_never_end_is_bounded() {
     send_beside(&service, &stream, &mut sent).await;
 
     let every: Vec<Option<u8>> = [None].into_iter().chain((0..8).map(Some)).collect();
-    let grown = grown(&service, 1..1 + SESSIONS, &channels(&every), LONG).await;
+    let from = &ADDRESSES[..1];
+    let grown = grown(&service, 1..1 + SESSIONS, from, &channels(&every), LONG).await;
     println!("{SESSIONS} sessions: +{} MiB", grown >> 20);
     send_beside(&service, &stream, &mut sent).await;
     assert_eq!(received(&service, "robot_a"), sent);
     let most = limits::ZENOH_UNFINISHED_BYTES_DEFAULT as u64 + BESIDE_BYTES;
+    assert!(grown <= most, "{grown} bytes, expected at most {most}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_sessions_of_several_addresses_begin_and_never_end_is_bounded() {
+    let robot_a = "[[robot]]\nid = \"robot_a\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n";
+    let config = format!("sessions_without_name = {NAMELESS}\n{robot_a}");
+    let service = Service::start_with(&config);
+    let config = session::client(&service.endpoint(), &json!({}));
+    let session = session::open(config).await.unwrap();
+    let stream = robot::stream(&session, "robot_a").await;
+    let mut sent = 0;
+    send_beside(&service, &stream, &mut sent).await;
+
+    let sessions = 1..1 + 2 * NAMELESS as u128;
+    let grown = grown(&service, sessions, &ADDRESSES, &channels(&[None]), LONG).await;
+    println!("{} addresses: +{} MiB", ADDRESSES.len(), grown >> 20);
+    send_beside(&service, &stream, &mut sent).await;
+    assert_eq!(received(&service, "robot_a"), sent);
+    let of_session = limits::ZENOH_UNFINISHED_PER_SESSION_MAX * limits::ZENOH_MESSAGE_BYTES_MAX;
+    let most = (NAMELESS * of_session) as u64 + BESIDE_BYTES;
     assert!(grown <= most, "{grown} bytes, expected at most {most}");
 }
