@@ -7,11 +7,7 @@ use fleetcal_clock::{Clock, SharedClock};
 use fleetcal_postgres::{JobRuns, PostgresSetup, Sharing};
 use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_store::{Store, StoreError};
-use sqlx::sqlite::SqliteConnectOptions;
-use sqlx::{ConnectOptions as _, Connection as _};
 use tempfile::TempDir;
-
-use crate::own_server::psql;
 
 /// Variable with the PostgreSQL server that tests may fill with databases, such as
 /// `postgres://fleetcal@127.0.0.1:5432/postgres`.
@@ -94,18 +90,12 @@ impl TestDatabase {
         }
     }
 
-    /// Runs a statement on it, as another program would.
+    /// Runs statements on it, as another program would; only in SQLite.
     pub async fn execute(&self, sql: &str) {
-        match &self.place {
-            Place::Server(setup) => drop(psql(&setup.url, sql)),
-            Place::Folder(path) => {
-                let options = SqliteConnectOptions::new().filename(path.join("fleetcal.db"));
-                let mut connection = options.connect().await.unwrap();
-                let statement = sqlx::raw_sql(sqlx::AssertSqlSafe(sql.to_owned()));
-                statement.execute(&mut connection).await.unwrap();
-                connection.close().await.unwrap();
-            }
-        }
+        let Place::Folder(path) = &self.place else {
+            panic!("statements of a test are in SQLite's words");
+        };
+        fleetcal_sqlite::execute_for_test(path, sql).await.unwrap();
     }
 
     /// Opens a store on it, beside others where it is on a server.

@@ -3,6 +3,7 @@
 mod administration;
 mod connection;
 mod restore;
+mod testing;
 #[cfg(test)]
 mod tests;
 mod writer;
@@ -29,6 +30,8 @@ use writer::{JobRuns, SharedWriter, SqliteWriter};
 
 pub use administration::{Source, administration, backup};
 pub use restore::{Restored, restore};
+#[doc(hidden)]
+pub use testing::execute_for_test;
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../../migrations/sqlite");
 
