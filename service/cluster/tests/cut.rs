@@ -1,5 +1,7 @@
 //! Plays a cut between two routers through the plans of the instances at both sides.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
@@ -112,13 +114,13 @@ impl Cut {
     /// Both instances look at the same rows and act; the rows then have what they did.
     fn look(&mut self) {
         self.now += CLUSTER_LOOK_EVERY;
-        self.snapshot.now = CUT_AT.plus(self.now - self.since);
+        self.snapshot.now = CUT_AT.plus(self.lasts());
         let seen = self.snapshot.clone();
         for side in 0..self.instances.len() {
             let hearing = self.hearing(side, &seen);
             self.snapshot.members[side].hearing = hearing;
             let plan = plan(&seat(side), &seen);
-            self.act(side, plan);
+            self.act(side, &plan);
         }
     }
 
@@ -139,7 +141,7 @@ impl Cut {
         listening.look(&one.seat, seen, link, now, quiet)
     }
 
-    fn act(&mut self, side: usize, plan: Plan) {
+    fn act(&mut self, side: usize, plan: &Plan) {
         let now = self.snapshot.now;
         let rows = &mut self.snapshot.robots;
         let mut change = |id: &RobotId, change: &dyn Fn(&mut Ownership)| {
@@ -176,7 +178,7 @@ impl Cut {
     }
 
     fn lasts(&self) -> Duration {
-        self.now - self.since
+        self.now.saturating_sub(self.since)
     }
 
     /// Looks until all robots are served; returns the time that this took.
