@@ -1,5 +1,7 @@
 //! Table of the checks and of the causes that each can name.
 
+use crate::finding::State;
+
 /// Subject of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Check {
@@ -43,6 +45,11 @@ impl Check {
         Self::Vehicle,
     ];
 
+    /// Returns `true` if its result needs motion.
+    pub const fn needs_motion(self) -> bool {
+        !matches!(self, Self::Streams | Self::Stamps | Self::Scan)
+    }
+
     /// Its name: `steering` and so on.
     pub const fn name(self) -> &'static str {
         match self {
@@ -79,6 +86,17 @@ pub(crate) struct Row {
     pub certain: bool,
     /// Remedy.
     pub advice: &'static str,
+}
+
+impl Row {
+    /// State of the check that names the cause.
+    pub const fn state(&self) -> State {
+        if self.certain {
+            State::Wrong
+        } else {
+            State::Unsure
+        }
+    }
 }
 
 const SOON: Held = Held::Seconds(5.0);
@@ -275,6 +293,17 @@ impl Cause {
     /// Remedy.
     pub const fn advice(self) -> &'static str {
         self.row().advice
+    }
+
+    /// The cause of a name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.iter().copied().find(|one| one.name() == name)
+    }
+
+    /// Returns `true` if what is estimated from the messages cannot be right: one that does not come spoils
+    /// nothing, and one that has more than one explanation may be right.
+    pub const fn spoils_values(self) -> bool {
+        self.row().certain && !matches!(self, Self::WheelOdometryMissing | Self::LidarMissing)
     }
 
     /// Returns `true` if the motion cannot be judged while it lasts.

@@ -45,6 +45,19 @@ pub struct Finding {
 }
 
 impl Finding {
+    /// A cause that was named before, by another run of the checks.
+    pub fn named_before(cause: Cause, seen: String) -> Self {
+        let row = cause.row();
+        Self {
+            check: row.check,
+            state: row.state(),
+            cause: Some(cause),
+            seen,
+            after_m: 0.0,
+            after_s: 0.0,
+        }
+    }
+
     /// Returns the remedy, if a cause is named.
     pub fn advice(&self) -> Option<&'static str> {
         self.cause.map(Cause::advice)
@@ -125,11 +138,7 @@ impl Patience {
             let row = one.cause.row();
             Some(Finding {
                 check: row.check,
-                state: if row.certain {
-                    State::Wrong
-                } else {
-                    State::Unsure
-                },
+                state: row.state(),
                 cause: Some(one.cause),
                 seen: one.seen.clone(),
                 after_m: named.way_m,
