@@ -15,7 +15,7 @@ const RUN_M: f64 = 100.0;
 /// Time after which a run that names a cause is over, whatever the way, s.
 const NAMED_RUN_S: f64 = 180.0;
 /// Longest rest after a run that names nothing, s.
-const REST_S: f64 = 1_800.0;
+const REST_S: f64 = 3_600.0;
 /// A stream that was silent for longer may come from another driver now, s.
 const PAUSE_S: f64 = 3.0;
 /// Time after which a run's own result of a check that needs no motion holds, s, and way for the others, m.
@@ -25,7 +25,7 @@ const SETTLED_M: f64 = 60.0;
 /// The checks of one robot, run after run.
 ///
 /// A cause stays named until a later run finds its check ok. Between runs that name nothing only the
-/// streams are looked at, for half an hour at most, or until a stream pauses or one of them is wrong.
+/// streams are looked at, for an hour at most, or until a stream pauses or one of them is wrong.
 #[derive(Debug, Clone)]
 pub struct Watch {
     described: Described,
