@@ -463,6 +463,7 @@ impl FleetHandle {
                 stream,
                 form,
                 origin,
+                arrived_ns: self.fleet.clock.now(),
                 payload: payload(),
             });
         }

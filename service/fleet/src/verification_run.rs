@@ -112,7 +112,10 @@ impl VerificationRun {
     fn tell(&self, robot: &Robot, estimate: &Estimate) {
         // The values were measured by the LiDAR that they are compared with.
         let compared = without_range_scale(estimate.clone());
-        let document = document::estimate_document(&robot.id, &compared);
+        let mut document = document::estimate_document(&robot.id, &compared);
+        if let Some(finding) = robot.checks().spoiling() {
+            document::give_way(&mut document, finding);
+        }
         if document::is_finite(&document) {
             robot.set_fresh(self.generation, Arc::new(document));
         }
