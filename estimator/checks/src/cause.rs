@@ -303,7 +303,13 @@ impl Cause {
     /// Returns `true` if what is estimated from the messages cannot be right: one that does not come spoils
     /// nothing, and one that has more than one explanation may be right.
     pub const fn spoils_values(self) -> bool {
-        self.row().certain && !matches!(self, Self::WheelOdometryMissing | Self::LidarMissing)
+        self.row().certain && !self.ends()
+    }
+
+    /// True if the cause ends with what shows it: a stream that comes again is missing no more. All
+    /// other causes stay until the checks begin anew.
+    pub(crate) const fn ends(self) -> bool {
+        matches!(self, Self::WheelOdometryMissing | Self::LidarMissing)
     }
 
     /// Returns `true` if the motion cannot be judged while it lasts.

@@ -102,11 +102,13 @@ pub(crate) struct Patience {
 
 impl Patience {
     /// Takes what one look at some checks points to. A cause of these checks that is not among it is
-    /// forgotten, unless it is named already.
+    /// forgotten, unless it is named already and does not end.
     pub fn look(&mut self, now: Moment, looked_at: impl Fn(Cause) -> bool, found: Vec<Suspicion>) {
         let is_found = |cause| found.iter().any(|one| one.cause == cause);
-        self.suspected
-            .retain(|one| one.named.is_some() || !looked_at(one.cause) || is_found(one.cause));
+        self.suspected.retain(|one| {
+            let stays = one.named.is_some() && !one.cause.ends();
+            stays || !looked_at(one.cause) || is_found(one.cause)
+        });
         for Suspicion { cause, seen } in found {
             let known = self.suspected.iter_mut().find(|one| one.cause == cause);
             let Some(known) = known else {

@@ -26,6 +26,8 @@ const STEPPED_MIN: u32 = 5;
 const MICROSECONDS_MAX_S: f64 = 1.1e-3;
 /// A stamp so much older than the newest is late or of a clock that went back, s.
 const BACK_MIN_S: f64 = 0.3;
+/// A stamp so far ahead of the newest counts once a second one agrees, s.
+const AHEAD_MIN_S: f64 = 60.0;
 /// Messages in a row that stay behind where the clock went back.
 const BACK_MESSAGES: u32 = 10;
 /// A wait that counts as gap, in periods and at least, s.
@@ -44,6 +46,8 @@ pub(crate) struct StampWatch {
     pub late: u32,
     pub gaps: u32,
     pub longest_gap_s: f64,
+    /// A stamp far ahead of the newest, which nothing confirms yet.
+    ahead: Option<RobotTime>,
     /// Messages in a row that are behind the newest.
     behind: u32,
     went_back_s: Option<f64>,
@@ -75,6 +79,14 @@ impl StampWatch {
             put(&mut self.steps_s, place, step_s as f32);
         }
         let behind_s = newest.seconds_since(stamp);
+        if -behind_s > AHEAD_MIN_S {
+            let before = self.ahead.replace(stamp);
+            let agrees = |before: RobotTime| stamp.seconds_since(before).abs() < AHEAD_MIN_S;
+            if !before.is_some_and(agrees) {
+                return;
+            }
+        }
+        self.ahead = None;
         if behind_s <= BACK_MIN_S {
             self.behind = 0;
             self.newest = Some(stamp.max(newest));
@@ -380,6 +392,11 @@ mod tests {
             causes(|number| 0.1 * f64::from(number) - if number % 200 == 7 { 0.15 } else { 0.0 }),
             []
         );
+        // One stamp is an hour ahead; a robot was off for an hour.
+        let wild = |number: u32| if number == 300 { 3_600.0 } else { 0.0 };
+        assert_eq!(causes(|number| 0.1 * f64::from(number) + wild(number)), []);
+        let off = |number: u32| if number > 300 { 3_600.0 } else { 0.0 };
+        assert_eq!(causes(|number| 0.1 * f64::from(number) + off(number)), []);
     }
 
     #[test]

@@ -190,6 +190,12 @@ impl Checks {
         if self.rests {
             return;
         }
+        let is_finite = [pose.x_m, pose.y_m, pose.yaw_rad, tilt_rad]
+            .into_iter()
+            .all(f64::is_finite);
+        if !is_finite {
+            return;
+        }
         self.ages.take(0, head.stamp, head.arrival_ns);
         let speed = self.last_speed.map_or(0.0, |(_, speed)| speed);
         self.poses.take(head.stamp, pose, tilt_rad, speed);
@@ -470,14 +476,28 @@ impl Checks {
             let last_ns = watch.map_or(self.began_ns.unwrap_or_default(), |of| of.last_arrival_ns);
             away_s(last_ns, self.now_ns)
         };
-        let (wheels, lidar) = (self.wheels(), self.lidar());
-        let (wheels_s, lidar_s) = (since_s(wheels), since_s(lidar));
+        let of_stream = |stream| self.of(&[stream]);
+        let (speed, steering) = (of_stream(Stream::Speed), of_stream(Stream::Steering));
+        // Without one of the halves there is no sample.
+        let (wheels, wheels_s) = match of_stream(Stream::WheelOdometry) {
+            None if speed.is_some() || steering.is_some() => {
+                let (speed_s, steering_s) = (since_s(speed), since_s(steering));
+                let what = if speed_s < steering_s {
+                    "steering angle"
+                } else {
+                    "speed"
+                };
+                (what, speed_s.max(steering_s))
+            }
+            whole => ("wheel odometry", since_s(whole)),
+        };
+        let lidar_s = since_s(self.lidar());
         let seen = |what: &str, away_s: f64| format!("no {what} for {away_s:.0} s");
         let mut found = Vec::new();
         if wheels_s > MISSING_AFTER_S {
             found.push(Suspicion::new(
                 Cause::WheelOdometryMissing,
-                seen("wheel odometry", wheels_s),
+                seen(wheels, wheels_s),
             ));
         }
         if lidar_s > MISSING_AFTER_S {
@@ -500,3 +520,6 @@ fn is_of_motion(cause: Cause) -> bool {
         Check::Speed | Check::Wheelbase | Check::Model | Check::Delay | Check::Vehicle => true,
     }
 }
+
+#[cfg(test)]
+mod tests;

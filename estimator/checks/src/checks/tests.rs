@@ -1,0 +1,99 @@
+//! Streams that end, begin late or carry what is no number.
+
+use super::*;
+
+const S_NS: i64 = 1_000_000_000;
+
+/// Checks, and the time until which messages were taken, ds.
+struct Case {
+    checks: Checks,
+    now_ds: i64,
+}
+
+impl Case {
+    fn new() -> Self {
+        Self {
+            checks: Checks::new(Described {
+                model: VehicleModel::Bicycle,
+                wheelbase_m: 1.2,
+                nominal_yaw_rad: None,
+            }),
+            now_ds: 0,
+        }
+    }
+
+    /// Ten messages a second of these streams, for so many seconds.
+    fn send(&mut self, streams: &[Stream], lasts_s: i64) -> &mut Self {
+        for _ in 0..10 * lasts_s {
+            self.now_ds += 1;
+            let stamp = RobotTime(1_000 * S_NS + self.now_ds * S_NS / 10);
+            for stream in streams.iter().copied() {
+                let head = Head {
+                    stream,
+                    stamp,
+                    frame: "",
+                    arrival_ns: stamp.0,
+                };
+                match stream {
+                    Stream::Steering => self.checks.take_wheels(&head, None, Some(0.0)),
+                    Stream::Speed => self.checks.take_wheels(&head, Some(0.0), None),
+                    Stream::LidarOdometry => {
+                        self.checks.take_pose(&head, Pose2::default(), 0.0);
+                    }
+                    _ => self.checks.take_wheels(&head, Some(0.0), Some(0.0)),
+                }
+            }
+        }
+        self
+    }
+
+    /// Causes that are named, each with what was seen.
+    fn named(&self) -> Vec<(Cause, String)> {
+        let findings = self.checks.findings().into_iter();
+        findings
+            .filter_map(|finding| Some((finding.cause?, finding.seen)))
+            .collect()
+    }
+}
+
+#[test]
+fn steering_that_ends_is_named_though_the_speed_goes_on() {
+    let mut case = Case::new();
+    let both = [Stream::Speed, Stream::Steering, Stream::LidarOdometry];
+    assert_eq!(case.send(&both, 30).named(), []);
+    case.send(&[Stream::Speed, Stream::LidarOdometry], 30);
+    let [(cause, seen)] = &case.named()[..] else {
+        panic!("{:?}", case.named());
+    };
+    assert_eq!(*cause, Cause::WheelOdometryMissing);
+    assert!(seen.starts_with("no steering angle for"), "{seen}");
+}
+
+#[test]
+fn a_lidar_that_begins_late_is_missing_until_then() {
+    let mut case = Case::new();
+    case.send(&[Stream::WheelOdometry], 30);
+    assert_eq!(case.named()[0].0, Cause::LidarMissing);
+    let both = [Stream::WheelOdometry, Stream::LidarOdometry];
+    assert_eq!(case.send(&both, 10).named(), []);
+}
+
+#[test]
+fn a_pose_that_is_no_number_spoils_nothing() {
+    let mut case = Case::new();
+    let both = [Stream::WheelOdometry, Stream::LidarOdometry];
+    case.send(&both, 5);
+    let head = Head {
+        stream: Stream::LidarOdometry,
+        stamp: RobotTime(1_005 * S_NS),
+        frame: "",
+        arrival_ns: 1_005 * S_NS,
+    };
+    let pose = Pose2 {
+        x_m: f64::NAN,
+        ..Pose2::default()
+    };
+    case.checks.take_pose(&head, pose, 0.0);
+    case.send(&both, 5);
+    assert!(case.checks.way_m().is_finite());
+}
