@@ -5,13 +5,13 @@ use crate::cause::{Cause, Check, Held};
 /// State of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// The evidence goes together.
+    /// Evidence that goes together.
     Ok,
-    /// A cause is named.
+    /// Cause that is named.
     Wrong,
-    /// The evidence has more than one explanation.
+    /// Evidence with more than one explanation.
     Unsure,
-    /// Too little was seen so far.
+    /// Evidence that is too little so far.
     NotYet,
 }
 
@@ -64,7 +64,7 @@ impl Finding {
     }
 }
 
-/// A cause that what was seen at one look points to.
+/// Cause that the evidence of one look points to.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Suspicion {
     pub cause: Cause,
@@ -101,8 +101,8 @@ pub(crate) struct Patience {
 }
 
 impl Patience {
-    /// Takes what one look at some checks points to. A cause of these checks that is not among it is
-    /// forgotten, unless it is named already.
+    /// Adds the suspicions of one look at some checks. A cause of these checks that is not among
+    /// them is forgotten, unless it is named already.
     pub fn look(&mut self, now: Moment, looked_at: impl Fn(Cause) -> bool, found: Vec<Suspicion>) {
         let is_found = |cause| found.iter().any(|one| one.cause == cause);
         self.suspected
