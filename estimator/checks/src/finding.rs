@@ -16,6 +16,15 @@ pub enum State {
 }
 
 impl State {
+    /// State of the check that names a cause.
+    const fn of(cause: Cause) -> Self {
+        if cause.row().certain {
+            Self::Wrong
+        } else {
+            Self::Unsure
+        }
+    }
+
     /// Its name: `ok`, `wrong`, `unsure` or `not_yet`.
     pub const fn name(self) -> &'static str {
         match self {
@@ -50,7 +59,7 @@ impl Finding {
         let row = cause.row();
         Self {
             check: row.check,
-            state: row.state(),
+            state: State::of(cause),
             cause: Some(cause),
             seen,
             after_m: 0.0,
@@ -138,7 +147,7 @@ impl Patience {
             let row = one.cause.row();
             Some(Finding {
                 check: row.check,
-                state: row.state(),
+                state: State::of(one.cause),
                 cause: Some(one.cause),
                 seen: one.seen.clone(),
                 after_m: named.way_m,
