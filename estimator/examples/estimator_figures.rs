@@ -32,7 +32,7 @@ use fleetcal_robot::simulator::{
     Change, LidarOutput, Pose2 as TruePose, ScheduledChange, Simulation, SimulationConfig,
 };
 
-/// Name, what prints it, and for how many seeds.
+/// Name, function that prints it, and number of seeds.
 type Table = (&'static str, fn(u64), u64);
 
 fn main() -> Result<(), String> {
@@ -70,7 +70,7 @@ fn tugger(seed: u64) -> (SimulationConfig, CalibratorConfig) {
     (config, calibrator)
 }
 
-/// From zero initial values, raw scans.
+/// Prints the convergence from zero initial values, by raw scans.
 fn convergence(seeds: u64) {
     let limits = [0.02f64.to_radians(), 0.002, 0.002, 0.03f64.to_radians()];
     println!(
@@ -161,7 +161,7 @@ fn delay_row(
     );
 }
 
-/// A tenth of a degree an hour: followed, or flagged.
+/// Prints the drift by a tenth of a degree an hour: followed, or flagged.
 fn drift(seeds: u64) {
     println!("two hours with a drift of 0.1° an hour from the tenth minute on");
     println!("drift         seed  largest error      in sigmas  events  first seen after");
@@ -246,7 +246,7 @@ fn disturbances(seeds: u64) {
     }
 }
 
-/// Largest error, in its sigmas, of what was called converged at any time.
+/// Largest error, in its sigmas, of a value that was called converged at any time.
 fn worst_converged(run: &Driven, parameters: &[Parameter]) -> f64 {
     let mut worst = 0.0_f64;
     for (estimate, truth) in &run.estimates {
@@ -322,7 +322,7 @@ fn steps() {
     );
 }
 
-/// A filter that does nothing but predict and update, from where a calibrator has come to.
+/// Filter that only predicts and updates, from the state of a calibrator.
 struct BareFilter {
     drive: DriveHistory,
     waiting: VecDeque<OdometryReading>,
@@ -340,7 +340,7 @@ impl Default for BareFilter {
 }
 
 impl BareFilter {
-    /// Follows the readings whose drive samples are there, and says how long that took.
+    /// Follows the readings whose drive samples are there, and returns the time it took.
     fn follow(&mut self, calibrator: &Calibrator) -> Duration {
         let settings = &calibrator.config().settings;
         let filter = calibrator.filter().unwrap();

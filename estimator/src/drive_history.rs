@@ -7,35 +7,37 @@ use nalgebra::{Matrix3, Vector3};
 use crate::stream::{DriveSample, RobotTime};
 use crate::vehicle::{DriveReading, SteeringResponse};
 
-/// A drive sample further from its predecessor than this does not describe the time between, s.
+/// Time from its predecessor beyond which a drive sample does not describe the time between, s.
 pub const GAP_MIN_S: f64 = 0.5;
 
-/// Readings closer than this are the same code of an encoder, rad.
+/// Difference within which readings are the same code of an encoder, rad.
 const SAME_READING_RAD: f64 = 1e-6;
 /// Largest step of a steering encoder that is believed, rad (2 degrees).
 const ENCODER_STEP_MAX_RAD: f64 = 0.035;
-/// A reading that stays for longer is no wheel's that trembles, m.
+/// Way beyond which a constant reading is no trembling wheel's, m.
 const HELD_LONG_M: f64 = 0.5;
-/// Steering this close to its zero tells where that is, rad.
+/// Angle from its zero within which steering shows where that is, rad.
 const ALMOST_STRAIGHT_RAD: f64 = 0.1;
 /// Two points with mean 0, variance 1 and the skewness 2 of a first-order lag: `-LATE` with the weight
 /// `LATE_SHARE = (2 - sqrt 2) / 4`, and `EARLY`.
 const LATE_SHARE: f64 = 0.146_446_609_406_726_24;
 const LATE: f64 = 1.0 + std::f64::consts::SQRT_2;
 const EARLY: f64 = std::f64::consts::SQRT_2 - 1.0;
-/// Half of the play that is assumed to tell which side of it the steering is on, rad: typical, and more
-/// than an encoder trembles.
+/// Half of the play that is assumed to find the side of it that the steering is on, rad: typical,
+/// and more than an encoder trembles.
 const HALF_PLAY_RAD: f64 = 0.005;
-/// Steering that departs from its parabola by more has jumped, rad: a wheel that begins to turn at 1 rad/s
-/// departs by a quarter of it,
+/// Departure of the steering from its parabola that is a jump, rad: a wheel that begins to turn at
+/// 1 rad/s departs by a quarter of it,
 const JUMP_RAD: f64 = 0.05;
 /// unless its samples are that noisy: so many mean differences between neighbours, 4.5 sigmas of white noise.
 const JUMP_NOISES: f64 = 4.0;
-/// What speed and steering are without noise, and how they change, is read from the samples this long before and after, s,
+/// Time before and after within which samples give speed and steering without noise, and their
+/// changes, s,
 const PARABOLA_REACH_S: f64 = 0.12;
-/// and from no fewer than so many.
+/// and fewest of these samples.
 const PARABOLA_SAMPLES_MIN: f64 = 4.0;
-/// The search for a sample begins with so many of the newest: a quarter of a second at 100 Hz.
+/// Number of the newest samples with which the search for one begins: a quarter of a second at 100
+/// Hz.
 const SEARCH_STEP: usize = 24;
 
 /// Recent drive samples, oldest first. A sample describes the interval that ends at its stamp.
@@ -45,16 +47,16 @@ pub struct DriveHistory {
     span_s: f64,
     /// Smallest change between two steering readings so far: the step of a quantised encoder.
     smallest_change_rad: f64,
-    /// How many of the samples have a reading that has stayed for long.
+    /// Number of the samples whose reading has stayed for long.
     held_long: usize,
 }
 
-/// A sample and how far the vehicle had driven on its steering reading before it.
+/// A sample and the way on its steering reading before it.
 #[derive(Debug, Clone, Copy)]
 struct Kept {
     sample: DriveSample,
     held_m: f64,
-    /// Where the wheel would be behind that play, rad.
+    /// Angle of the wheel behind that play, rad.
     behind_play_rad: f64,
 }
 
@@ -88,7 +90,7 @@ impl DriveHistory {
         }
     }
 
-    /// Adds a sample, newer than all before, and lets go of those beyond the span.
+    /// Adds a sample, newer than all before, and drops those beyond the span.
     pub fn push(&mut self, sample: DriveSample) {
         let (mut held_m, mut behind_play_rad) = (0.0, sample.steering_rad());
         if let Some(Kept {
@@ -133,10 +135,10 @@ impl DriveHistory {
         }
     }
 
-    /// Variance of the steering's zero that no driving takes away, rad^2: a reading that stays for longer than
-    /// a trembling wheel's errs by one number, up to half a step, wherever it comes back. With the shares `w`
-    /// of the recent way almost straight ahead that were driven on each such reading, it is `step^2 / 12`
-    /// times the sum of `w^2`.
+    /// Variance of the steering's zero that no driving removes, rad^2: a reading that stays for
+    /// longer than a trembling wheel's errs by one number, up to half a step, wherever it comes
+    /// back. With the shares `w` of the recent way almost straight ahead that were driven on each
+    /// such reading, it is `step^2 / 12` times the sum of `w^2`.
     pub fn repeated_reading_variance_rad2(&self, straight_rad: f64) -> f64 {
         let step_rad = self.steering_step_rad();
         if step_rad <= 0.0 || self.held_long == 0 {
@@ -225,8 +227,9 @@ impl DriveHistory {
         }
     }
 
-    /// Whether the steering jumps around a time, where no parabola describes it: how a wheel follows a jump
-    /// is not known to second order in time, and a first order would pass for knowledge of it.
+    /// True if the steering jumps around a time, where no parabola describes it: how a wheel
+    /// follows a jump is not known to second order in time, and a first order would pass for
+    /// knowledge of it.
     pub fn jumps_at(&self, stamp: RobotTime, response: SteeringResponse) -> bool {
         let Some(kept) = self.samples.get(self.first_at(stamp)) else {
             return false;
@@ -261,7 +264,7 @@ impl DriveHistory {
         departs_rad > JUMP_RAD.max(JUMP_NOISES * noise_rad)
     }
 
-    /// Where the samples from a time on begin.
+    /// Index of the first sample from a time on.
     fn first_at(&self, stamp: RobotTime) -> usize {
         let is_before = |index: usize| {
             let kept = self.samples.get(index);
@@ -289,7 +292,7 @@ impl DriveHistory {
         low
     }
 
-    /// Which side of a typical play the steering is on at a time, from -1 to 1.
+    /// Side of a typical play that the steering is on at a time, from -1 to 1.
     fn play_side_at(&self, stamp: RobotTime, kept: &Kept) -> f64 {
         let index = self.first_at(stamp);
         let there = self.samples.get(index).unwrap_or(kept);
@@ -348,7 +351,7 @@ impl DriveHistory {
         }
     }
 
-    /// Whether the interval lies inside the history, without a gap.
+    /// True if the interval lies inside the history, without a gap.
     pub fn covers(&self, from: RobotTime, to: RobotTime) -> bool {
         let first = self
             .samples
@@ -386,8 +389,9 @@ impl DriveHistory {
         driven_m
     }
 
-    /// The readings over `(from, to]`, cut at both ends, for a wheel that follows its sensor so. Covers
-    /// what the history covers. Their rates are differences, which add up to what changed over them.
+    /// The readings over `(from, to]`, cut at both ends, for a wheel that follows its sensor so.
+    /// Covers the part that the history covers. Their rates are differences, which add up to the
+    /// change over them.
     pub fn segments(
         &self,
         from: RobotTime,

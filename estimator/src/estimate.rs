@@ -16,9 +16,9 @@ pub struct ParameterEstimate {
     pub value: f64,
     /// Standard deviation, same unit; 0 when the parameter is off.
     pub sigma: f64,
-    /// How far it is known.
+    /// Degree to which it is known.
     pub status: Status,
-    /// In words, which motion would make it better known; `None` when nothing is missing.
+    /// Motion that would make it better known, in words; `None` when nothing is missing.
     pub needs: Option<String>,
 }
 
@@ -38,14 +38,15 @@ pub struct Estimate {
     pub parameters: ParameterEstimates,
     /// True if somebody has reported a reassembly, and nothing is known again since.
     pub reassembly_open: bool,
-    /// How the errors of the four that every calibration has go together; its diagonal holds the
+    /// Covariance of the errors of the four that every calibration has; its diagonal holds the
     /// squares of their sigmas.
     pub covariance: CalibrationCovariance,
-    /// Which changes would be seen now, and what the detection of the others waits for.
+    /// State of detection for each cause: the changes that would be seen now, and the needs of the
+    /// others.
     pub detection: Detection,
     /// Consistency of the filter.
     pub consistency: Consistency,
-    /// What was taken in.
+    /// Counts of the received messages.
     pub counts: Counts,
     /// Pose of `base` in the filter's odometry frame.
     pub base_in_odom: Pose2,
@@ -70,18 +71,18 @@ impl Estimate {
     }
 }
 
-/// A change or fault that was seen.
+/// A detected change or fault.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Change {
-    /// What happened.
+    /// Kind of change.
     pub kind: ChangeKind,
-    /// Why.
+    /// Cause.
     pub cause: Cause,
-    /// When it was flagged.
+    /// Time of its flag.
     pub stamp: RobotTime,
-    /// When it was flagged, in seconds since the session's first message.
+    /// Time of its flag, in seconds since the session's first message.
     pub time_s: f64,
-    /// When it began, in seconds since the session's first message.
+    /// Time of its onset, in seconds since the session's first message.
     pub onset_s: f64,
     /// New value less old value, for each parameter that was re-opened; filled in when known.
     pub change: Vec<(Parameter, f64)>,

@@ -1,20 +1,20 @@
-//! Motions that a robot has made. Information decides what is known of it; this explains, and tells where
-//! all turns went to one side.
+//! Motions that a robot has made. Information decides what is known of it; these explain that, and
+//! show where all turns went to one side.
 
 use serde::{Deserialize, Serialize};
 
 /// Curvature below which driving counts as straight, 1/m (a radius of 20 m).
 const STRAIGHT_MAX_PER_M: f64 = 0.05;
 
-/// Turns of which no more than this share went to the other side are to one: a vehicle that follows a path
+/// Largest share to the other side of turns that are to one: a vehicle that follows a path
 /// overshoots.
 const ONE_SIDED_SHARE_MAX: f64 = 0.1;
-/// Turns of which at least this share went to the other side are to both.
+/// Smallest share to the other side of turns that are to both.
 const TWO_SIDED_SHARE_MIN: f64 = 0.2;
 
-/// A vehicle of which at least this share of the way was straight has shown how its axle rolls.
+/// Smallest share of the way that has to be straight to show how a vehicle's axle rolls.
 const STRAIGHT_SHARE_MIN: f64 = 0.1;
-/// Before so much of a way it is not told whether a vehicle circles, m.
+/// Way before which it is open whether a vehicle circles, m.
 const CIRCLING_FROM_M: f64 = 10.0;
 
 /// Distance driven in each kind of motion, m.
@@ -51,8 +51,8 @@ impl Excitation {
         }
     }
 
-    /// How far the turns went to one side alone: 1 where nine tenths of their way did or there was none, 0
-    /// where a fifth or more went to the other side.
+    /// Degree to which the turns went to one side alone: 1 where nine tenths of their way did or
+    /// there was none, 0 where a fifth or more went to the other side.
     pub fn one_sidedness(&self) -> f64 {
         let (less_m, turning_m) = (self.left_m.min(self.right_m), self.left_m + self.right_m);
         if turning_m <= 0.0 {
@@ -62,8 +62,9 @@ impl Excitation {
         (missing_share / (TWO_SIDED_SHARE_MIN - ONE_SIDED_SHARE_MAX)).clamp(0.0, 1.0)
     }
 
-    /// How far it did nothing but turn to one side: 1 where it never drove straight, 0 where a tenth of its
-    /// way was straight, a fifth of its turns went to the other side, or the way is too short to tell.
+    /// Degree to which it did nothing but turn to one side: 1 where it never drove straight, 0
+    /// where a tenth of its way was straight, a fifth of its turns went to the other side, or the
+    /// way is too short to decide.
     pub fn circling(&self) -> f64 {
         let way_m = self.left_m + self.straight_m + self.right_m;
         if way_m < CIRCLING_FROM_M {

@@ -20,34 +20,35 @@ use crate::geometry::{Pose2, wrap_angle_rad};
 use crate::motion_noise::MotionNoise;
 use crate::vehicle::{SteeringResponse, Vehicle};
 
-/// A window ends after this much driving or turning.
+/// Way (m) or turn (rad) after which a window ends.
 const WINDOW_M: f64 = 0.5;
 const WINDOW_RAD: f64 = 0.3;
 /// Fewest windows a guess is made from.
 const WINDOWS_MIN: usize = 5;
-/// Noise of a window's displacement: a part that is always there, and a share of its length. Several
-/// times what it is, so that the guess takes a few hundredths of what the data tell, which the filter
-/// then takes in full. More uncertainty would do harm: a robot that begins with turns to one side leaves a
-/// direction open, the filter wanders along it by its uncertainty, linearises there, and is sure of what it
-/// has not seen (y off by 46 mm with a sigma of 3 mm, from a guess that was right to 0.3 mm).
+/// Noise of a window's displacement: a part that is always there, and a share of its length.
+/// Several times the real one, so that the guess uses a few hundredths of the data's information,
+/// which the filter then uses in full. More uncertainty would do harm: a robot that begins with
+/// turns to one side leaves a direction open, the filter wanders along it by its uncertainty,
+/// linearises there, and is sure of what it has not seen (y off by 46 mm with a sigma of 3 mm, from
+/// a guess that was right to 0.3 mm).
 const WINDOW_SIGMA_M: f64 = 0.01;
 const WINDOW_SIGMA_SHARE: f64 = 0.02;
 /// Noise of a window's turn, rad.
 const WINDOW_SIGMA_RAD: f64 = 0.01;
-/// The guess is good enough when its yaw is known to this, rad.
+/// Largest sigma of the yaw of a guess that is good enough, rad.
 const YAW_SIGMA_MAX_RAD: f64 = 0.05;
-/// A second orientation must fit worse by this much (in squared sigmas).
+/// Excess in cost by which a second orientation must fit worse (in squared sigmas).
 const RIVAL_COST_MIN: f64 = 25.0;
-/// How many orientations are tried around the circle.
+/// Number of orientations that are tried around the circle.
 const ORIENTATIONS: usize = 360;
 
-/// One window: how the LiDAR moved, and the drive readings over it.
+/// One window: the LiDAR's motion, and the drive readings over it.
 struct Window {
     lidar_motion: Pose2,
     segments: Vec<DriveSegment>,
 }
 
-/// Makes the filter's prior from the motions so far; `None` while they do not tell enough.
+/// Makes the filter's prior from the motions so far; `None` while they show too little.
 pub fn initial_guess(
     vehicle: &Vehicle,
     prior: &Prior,
@@ -241,7 +242,7 @@ fn far_apart(i: usize, j: usize) -> bool {
     apart.min(ORIENTATIONS - apart) > ORIENTATIONS / 36
 }
 
-/// The prior's covariance sharpened by what the windows say.
+/// The prior's covariance sharpened by the windows.
 fn sharpened(
     prior: &ParameterCovariance,
     offset_information: f64,
@@ -261,7 +262,7 @@ fn sharpened(
     Some(covariance)
 }
 
-/// Whether a nominal mount is plausible beside a guess that did not use it: within four sigmas.
+/// True if a nominal mount is plausible beside a guess that did not use it: within four sigmas.
 pub fn agrees_with(nominal: &Prior, guess: &Prior) -> bool {
     let x = Parameter::LidarX.index();
     let mut apart: Vector3<f64> =

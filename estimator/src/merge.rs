@@ -1,9 +1,9 @@
 //! One merger for all of a robot's streams: messages leave it in the order of their stamps.
 //!
-//! Streams reach us in bursts and not quite in order. The merger holds a message until message time
-//! has gone on by [`WINDOW_S`], so that the order in which streams arrive inside the window cannot
-//! change a single bit of the result. Only an explicit end of the session, or a note, lets out the rest:
-//! what came before a note is before it, whatever stamp people gave it.
+//! Streams arrive in bursts and not quite in order. The merger holds a message until message time
+//! has advanced by [`WINDOW_S`], so that the order in which streams arrive inside the window cannot
+//! change a single bit of the result. Only an explicit end of the session, or a note, lets out the
+//! rest: messages before a note are before it, whatever its stamp.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -12,11 +12,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::stream::{Dropped, Event, Note, RobotTime};
 
-/// How long a message is held, in message time, s.
+/// Time for which a message is held, in message time, s.
 pub const WINDOW_S: f64 = 0.5;
-/// Stamps that jump back further than this start a new session, s.
+/// Jump of the stamps back that starts a new session, s.
 pub const JUMP_BACK_MIN_S: f64 = 5.0;
-/// Stamps that jump ahead further than this must be confirmed by a second message, s.
+/// Jump of the stamps ahead that must be confirmed by a second message, s.
 pub const JUMP_AHEAD_MIN_S: f64 = 60.0;
 /// Most messages held at once. Beyond it the oldest leaves before its time.
 pub const HELD_MAX: usize = 4096;
@@ -38,16 +38,17 @@ pub enum Stream {
     LidarPose,
 }
 
-/// What the merger makes of a message.
+/// Result of the merger for a message.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Merged {
     /// Next in order.
     Event(RobotTime, Event),
-    /// A note: all that came before it has left before.
+    /// A note: all messages before it have left before.
     Note(Note),
     /// Left out.
     Dropped(Dropped),
-    /// A new session begins with this stamp; what was held of the old one has left before.
+    /// A new session that begins with this stamp; the held messages of the old one have left
+    /// before.
     SessionStarted(RobotTime),
 }
 
@@ -62,23 +63,23 @@ pub struct Merger {
     suspect: Option<(RobotTime, Stream, Event)>,
 }
 
-/// Up to where a robot's messages have left a merger: what is not behind that is taken already, by
-/// this merger or by the one that it goes on from.
+/// Position up to which a robot's messages have left a merger: those not behind it are processed
+/// already, by this merger or by the one that it continues.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct MergerPosition {
     left: Option<(RobotTime, Stream)>,
 }
 
 impl MergerPosition {
-    /// True if a message has left already. Of a note no stamp says that.
+    /// True if a message has left already. A note's stamp does not show that.
     pub fn covers(&self, event: &Event) -> bool {
         place(event).is_some_and(|place| self.left.is_some_and(|left| place <= left))
     }
 }
 
 impl Merger {
-    /// A merger that goes on where another one was at this stamp: of what had left it, the last was
-    /// of the stream `left`. What it held has to be sent again.
+    /// Continues where another merger was at this stamp: of the messages that had left it, the last
+    /// was of the stream `left`. Those it held have to be sent again.
     pub fn resuming(now: RobotTime, left: Option<Stream>) -> Self {
         Self {
             newest: Some(now),
@@ -92,12 +93,12 @@ impl Merger {
         self.left.map(|(_, stream)| stream)
     }
 
-    /// Up to where messages have left.
+    /// Position up to which messages have left.
     pub fn position(&self) -> MergerPosition {
         MergerPosition { left: self.left }
     }
 
-    /// Takes a message; puts what is in order now into `out`.
+    /// Adds a message; puts the messages that are in order now into `out`.
     pub fn push(&mut self, event: Event, out: &mut Vec<Merged>) {
         let Some((stamp, stream)) = place(&event) else {
             self.flush(out);
@@ -125,7 +126,7 @@ impl Merger {
         self.release(out);
     }
 
-    /// Lets out everything that is held: what comes next, if anything, comes after it.
+    /// Lets out everything that is held: the next messages, if any, come after it.
     pub fn flush(&mut self, out: &mut Vec<Merged>) {
         while let Some((key, event)) = self.held.pop_first() {
             self.left = Some(key);
@@ -190,7 +191,8 @@ impl Merger {
     }
 }
 
-/// Where a message stands in time; `None` of what stands where it comes: a note, and the end of a session.
+/// Place of a message in time; `None` of one that stands where it arrives: a note, and the end of a
+/// session.
 fn place(event: &Event) -> Option<(RobotTime, Stream)> {
     match event {
         Event::WheelOdometry(sample) => Some((sample.stamp(), Stream::WheelOdometry)),
@@ -275,8 +277,8 @@ mod tests {
     }
 
     proptest! {
-        /// Stamps of notes are people's words: before, inside and far beyond what the robot has sent,
-        /// by whatever clock, and twice the same.
+        /// Stamps of notes are set by people: before, inside and far beyond those that the robot
+        /// has sent, by whatever clock, and twice the same.
         #[test]
         fn a_note_with_any_stamp_leaves_where_it_comes(
             stamps in prop::collection::vec(

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::drive_history::DriveSegment;
 use crate::vehicle::Motion;
 
-/// How far a driven metre can go astray. Densities: the variance grows with the distance.
+/// Noise of a driven metre. Densities: the variance grows with the distance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotionNoise {

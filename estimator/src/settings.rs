@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::estimate::Parameter;
 use crate::motion_noise::MotionNoise;
 
-/// What becomes of a parameter.
+/// Freedom of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Freedom {
@@ -17,7 +17,7 @@ pub enum Freedom {
     Estimated,
     /// Held at its value; its uncertainty stays in the other parameters' sigmas.
     Fixed,
-    /// Taken as exactly right.
+    /// Assumed exactly right.
     Off,
 }
 
@@ -25,21 +25,21 @@ pub enum Freedom {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PerParameter<T> {
-    /// For the steering offset.
+    /// Number for the steering offset.
     pub steering_offset: T,
-    /// For the LiDAR's x.
+    /// Number for the LiDAR's x.
     pub lidar_x: T,
-    /// For the LiDAR's y.
+    /// Number for the LiDAR's y.
     pub lidar_y: T,
-    /// For the LiDAR's yaw.
+    /// Number for the LiDAR's yaw.
     pub lidar_yaw: T,
-    /// For the speed scale.
+    /// Number for the speed scale.
     pub speed_scale: T,
-    /// For the wheelbase.
+    /// Number for the wheelbase.
     pub wheelbase: T,
-    /// For the time offset.
+    /// Number for the time offset.
     pub time_offset: T,
-    /// For the steering gain.
+    /// Number for the steering gain.
     pub steering_gain: T,
 }
 
@@ -66,7 +66,7 @@ pub struct EstimatorSettings {
     /// Former choice of a measurement: read, and written no more.
     #[serde(skip_serializing)]
     pub measurement: Measurement,
-    /// What is estimated. Wheelbase and steering gain are never both.
+    /// Freedom of each parameter. Wheelbase and steering gain are never both estimated.
     #[serde(deserialize_with = "given::free")]
     pub free: PerParameter<Freedom>,
     /// Uncertainty before the first metre, one standard deviation. The wheelbase's is a share of it.
@@ -74,37 +74,38 @@ pub struct EstimatorSettings {
     pub prior_sigma: PerParameter<f64>,
     /// Uncertainty of the LiDAR's x and y when no nominal mount is given, m.
     pub unknown_mount_sigma_m: f64,
-    /// How far tyres may drift outwards in a bend: standard deviation of the slip angle for each
-    /// m/s^2 of lateral acceleration, rad.
+    /// Drift of tyres outwards in a bend: standard deviation of the slip angle for each m/s^2 of
+    /// lateral acceleration, rad.
     pub side_slip_sigma_rad_per_mps2: f64,
     /// Slow drift let in: standard deviation gained in one hour.
     #[serde(deserialize_with = "given::drift_per_sqrt_hour")]
     pub drift_per_sqrt_hour: PerParameter<f64>,
-    /// What averaging cannot take away: the scan matcher's own bias, play, correlated slip. It is
-    /// added to every sigma that leaves the estimator.
+    /// Systematic errors that averaging cannot remove: the scan matcher's own bias, play,
+    /// correlated slip. They are added to every sigma that leaves the estimator.
     #[serde(deserialize_with = "given::systematic_sigma")]
     pub systematic_sigma: PerParameter<f64>,
-    /// Called converged below this standard deviation.
+    /// Standard deviation below which a parameter is called converged.
     #[serde(deserialize_with = "given::converged_sigma")]
     pub converged_sigma: PerParameter<f64>,
-    /// Farther from its neutral value no vehicle is: a value beyond is never called converged.
+    /// Largest distance of a vehicle's value from its neutral one: a value beyond is never called
+    /// converged.
     #[serde(deserialize_with = "given::physical_limit")]
     pub physical_limit: PerParameter<f64>,
-    /// How far a driven metre can go astray.
+    /// Noise of a driven metre.
     pub motion_noise: MotionNoise,
     /// Noise of a given LiDAR pose that carries no covariance: position, m.
     pub pose_sigma_m: f64,
     /// Noise of a given LiDAR pose that carries no covariance: heading, rad.
     pub pose_sigma_rad: f64,
-    /// A new anchor is placed after this distance, m.
+    /// Distance after which a new anchor is placed, m.
     pub anchor_distance_m: f64,
-    /// Change detection gives one false alarm in so many hours of driving.
+    /// Hours of driving with one false alarm of change detection.
     pub false_alarm_hours: f64,
     /// Largest time offset either way, s. Poses wait this much longer for their drive samples.
     pub time_offset_max_s: f64,
 }
 
-/// What no vehicle on wheels is beyond.
+/// Limits that no vehicle on wheels exceeds.
 const PHYSICAL_LIMIT: PerParameter<f64> = PerParameter {
     steering_offset: 15f64.to_radians(),
     lidar_x: 5.0,
@@ -185,16 +186,16 @@ impl Default for EstimatorSettings {
     }
 }
 
-/// Why settings were refused.
+/// Reason for which settings were refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SettingsRefused {
-    /// They cannot be told apart by any motion.
+    /// Wheelbase and gain both estimated: no motion distinguishes them.
     #[error("free.wheelbase and free.steering_gain are both estimated; one of them must be fixed")]
     WheelbaseAndGain,
-    /// The paper's own filter is part of the evaluation alone.
+    /// Measurement of the paper's own filter, which is part of the evaluation alone.
     #[error("measurement: got anchored, expected no such key: the paper's own filter is gone")]
     Anchored,
-    /// A number that must be positive is not.
+    /// Number that must be positive and is not.
     #[error("{key}: got {value}, expected a number above 0")]
     NotPositive {
         /// The key.
@@ -205,15 +206,15 @@ pub enum SettingsRefused {
 }
 
 impl EstimatorSettings {
-    /// What becomes of a parameter.
+    /// Freedom of a parameter.
     pub fn freedom(&self, parameter: Parameter) -> Freedom {
         *self.free.get(parameter)
     }
 
-    /// Refuses settings that cannot be.
+    /// Refuses impossible settings.
     ///
     /// # Errors
-    /// Names the key, its value and what is accepted.
+    /// Names the key, its value and the accepted values.
     pub fn check(&self) -> Result<(), SettingsRefused> {
         if self.measurement == Measurement::Anchored {
             return Err(SettingsRefused::Anchored);

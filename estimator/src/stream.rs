@@ -118,13 +118,13 @@ impl LidarPose {
 /// A note in a robot's history.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Note {
-    /// When it happened, in message time.
+    /// Time of the event, in message time.
     pub stamp: RobotTime,
-    /// What happened.
+    /// Kind of the event.
     pub kind: NoteKind,
 }
 
-/// Everything that can wake an estimator.
+/// Input of an estimator.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
     /// Speed and steering.
@@ -135,35 +135,35 @@ pub enum Event {
     LidarPose(LidarPose),
     /// A note of a person or tool.
     Note(Note),
-    /// The stream ends here: what the merger still holds is worked through.
+    /// End of the stream: the messages that the merger still holds are processed.
     EndOfSession,
 }
 
-/// What the world outside has to do after a step.
+/// Result of a step, for the world outside.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Effect {
     /// A new estimate, at most one a second of message time.
     Estimate(Box<Estimate>),
-    /// Something changed on the vehicle (or a sensor's fault was seen).
+    /// A change of the vehicle (or a sensor's fault).
     Change(Box<Change>),
-    /// How far a change went whose amount was not known when it was told: the same change, under
-    /// the same stamp, complete.
+    /// Amount of a change that was not known when it was published: the same change, under the same
+    /// stamp, complete.
     ChangeSized(Box<Change>),
-    /// A message came too late, twice, or could not be used; it was counted.
+    /// A message that came too late, twice, or could not be used; it was counted.
     Dropped(Dropped),
-    /// What LiDAR odometry says of a scan, good or lost.
+    /// Result of LiDAR odometry for a scan, good or lost.
     LidarMoved(Box<OdometryPose>),
-    /// The clock jumped back by more than 5 s: a new session begins with this stamp.
+    /// A new session that begins with this stamp: the clock jumped back by more than 5 s.
     SessionStarted(RobotTime),
 }
 
-/// Why the estimator left a message out.
+/// Reason for which the estimator left a message out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Dropped {
-    /// Older than what was already worked through.
+    /// Message older than those already processed.
     Late,
-    /// The same stamp of the same stream again.
+    /// Message with a stamp that its stream has had already.
     Duplicate,
     /// A scan without enough returns, or while the LiDAR odometry is lost.
     UnusableScan,

@@ -13,23 +13,24 @@ use crate::stream::RobotTime;
 
 /// Parameters that are reported.
 const REPORTED: usize = Parameter::ALL.len();
-/// A parameter is unobservable while its uncertainty is above this share of its prior.
+/// Share of its prior above which the uncertainty of a parameter makes it unobservable.
 const UNOBSERVABLE_SHARE: f64 = 0.5;
-/// What is said where no single manoeuvre would help much.
+/// Need where no single manoeuvre would help much.
 const MORE_DRIVING: &str = "more driving with turns to both sides";
-/// What is said of a LiDAR's `y` that no driving tells from the place where the speed is measured.
+/// Need of a LiDAR's `y` that no driving distinguishes from the place where the speed is measured.
 const SPEED_PLACE: &str = "speed_measured_at in the configuration with a rear_wheel and its lateral_m (0 for \
     the axle's middle): no driving tells where the speed is measured";
-/// The same while the vehicle has turned to one side alone, where the steering's curve hides it.
+/// Same need while the vehicle has turned to one side alone, where the steering's curve hides it.
 const OTHER_SIDE_OR_SPEED_PLACE: &str = "more driving with turns to both sides, or speed_measured_at in the \
     configuration with a rear_wheel and its lateral_m (0 for the axle's middle)";
-/// A vehicle has turned to one side alone from this much of [`crate::excitation::Excitation::one_sidedness`] on.
+/// One-sidedness ([`crate::excitation::Excitation::one_sidedness`]) from which on a vehicle has
+/// turned to one side alone.
 const ONE_SIDED: f64 = 0.5;
-/// An instruction stands for this long before it is worked out again, s of message time.
+/// Time for which an instruction stands before it is computed again, s of message time.
 const ADVICE_HOLDS_S: f64 = 10.0;
-/// A value that was beyond its limit must come this far inside it to be believed again.
+/// Part of its limit within which a value that was beyond it must come to be believed again.
 const RELEASE_SHARE: f64 = 0.93;
-/// A converged parameter stays so until its sigma exceeds its limit by this factor.
+/// Factor of its limit that the sigma of a converged parameter must exceed to end that.
 const HYSTERESIS: f64 = 1.2;
 
 /// The trust a robot's parameters have earned.
@@ -37,13 +38,13 @@ const HYSTERESIS: f64 = 1.2;
 pub struct Trust {
     #[serde(deserialize_with = "padded::published")]
     converged: [bool; Parameter::ALL.len()],
-    /// Values beyond what a vehicle can be.
+    /// Values beyond the limits of a vehicle.
     #[serde(deserialize_with = "padded::published")]
     impossible: [bool; Parameter::ALL.len()],
     advised: Option<Advised>,
 }
 
-/// What was last said to be missing. Working it out takes as long as ten scans, so it is said again
+/// Needs that were published last. Computing them takes as long as ten scans, so they are repeated
 /// for a while.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Advised {
@@ -52,29 +53,29 @@ struct Advised {
     needs: [Option<String>; REPORTED],
 }
 
-/// What a judgement is made from.
+/// Grounds of a judgement.
 #[derive(Debug, Clone, Copy)]
 pub struct Grounds<'a> {
     /// The time it is made at.
     pub now: RobotTime,
     /// Uncertainties before the first metre.
     pub prior_sigma: &'a Values,
-    /// What is known of the robot now.
+    /// Knowledge of the robot now.
     pub knowledge: Knowledge<'a>,
     /// Parameters of which a change would go unseen.
     pub blind: [bool; REPORTED],
-    /// Says that scans are made of points without times.
+    /// True if scans are made of points without times.
     pub lacks_beam_times: bool,
-    /// Whether steering angles are sent that the vehicle cannot have.
+    /// True if steering angles are sent that the vehicle cannot have.
     pub has_impossible_steering: bool,
     /// Claim that is judged.
     pub claim: &'a Claim,
-    /// How far its turns went to one side alone, 0 to 1.
+    /// Degree to which its turns went to one side alone, 0 to 1.
     pub one_sidedness: f64,
 }
 
 impl Grounds<'_> {
-    /// Covariance of what driving tells.
+    /// Covariance without the part that no driving shows.
     fn driven_covariance(&self) -> ParameterCovariance {
         let mut covariance = *self.knowledge.covariance;
         let y = Parameter::LidarY.index();
@@ -82,7 +83,7 @@ impl Grounds<'_> {
         covariance
     }
 
-    /// What a parameter waits for that no single manoeuvre shows; `None` where one does.
+    /// Need of a parameter that no single manoeuvre meets; `None` where one does.
     fn waits_for(&self, parameter: Parameter) -> Option<&'static str> {
         let yaw = Parameter::LidarYaw.index();
         let circling_rad2 = self
@@ -104,7 +105,8 @@ impl Grounds<'_> {
         }
     }
 
-    /// Whether this much of the variance of the LiDAR's `y`, m², is most of it, and too much by itself.
+    /// True if this much of the variance of the LiDAR's `y`, m², is most of it, and too much by
+    /// itself.
     fn is_open_by(&self, variance_m2: f64) -> bool {
         let y = Parameter::LidarY.index();
         let limit_m = *self
@@ -153,7 +155,7 @@ impl Trust {
         })
     }
 
-    /// What is missing, as instructions a driver can follow.
+    /// Needs, as instructions a driver can follow.
     fn needs(
         &mut self,
         grounds: &Grounds,
@@ -266,7 +268,7 @@ impl Trust {
         })
     }
 
-    /// Whether a parameter that is estimated has a value that no vehicle has.
+    /// True if a parameter that is estimated has a value that no vehicle has.
     fn holds_impossible(&self, settings: &EstimatorSettings) -> bool {
         let mut estimated = Parameter::ALL
             .into_iter()
@@ -274,13 +276,13 @@ impl Trust {
         estimated.any(|parameter| self.impossible[parameter.index()])
     }
 
-    /// Takes all trust away: the vehicle may not be the one that earned it.
+    /// Removes all trust: the vehicle may not be the one that earned it.
     pub fn withdraw(&mut self) {
         self.converged = [false; Parameter::ALL.len()];
     }
 }
 
-/// What a parameter that is off is taken for.
+/// Value of a parameter that is off.
 fn neutral(parameter: Parameter, value: f64) -> f64 {
     match parameter {
         Parameter::SteeringGain => 1.0,

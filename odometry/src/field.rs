@@ -3,20 +3,20 @@
 use fleetcal_model::RobotTime;
 use thiserror::Error;
 
-/// Why a message was refused: the field, its value and what is accepted.
+/// Refusal of a message: the field, its value and the accepted values.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{field}: got {value}, expected {accepted}")]
 pub struct FieldRefused {
     /// Name of the field, as it stands in the ROS message.
     pub field: &'static str,
-    /// The value that was refused.
+    /// Refused value.
     pub value: String,
-    /// What would have been accepted, in words.
+    /// Accepted values, in words.
     pub accepted: &'static str,
 }
 
 impl FieldRefused {
-    /// A refused field with its value and what is accepted, in words.
+    /// Refusal of a field with its value and the accepted values, in words.
     pub fn new(field: &'static str, value: impl std::fmt::Display, accepted: &'static str) -> Self {
         Self {
             field,

@@ -1,4 +1,4 @@
-//! A map that was made before: cells that are occupied, free or unknown.
+//! Map that was made before: cells that are occupied, free or unknown.
 
 use nalgebra::Vector2;
 
@@ -16,15 +16,15 @@ pub const SIDE_MAX_M: f64 = 1000.0;
 /// Most cells accepted: one byte each.
 pub const GRID_CELLS_MAX: usize = 1 << 26;
 
-/// What is known of a cell.
+/// Occupancy of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Occupancy {
-    /// Nothing.
+    /// Cell of which nothing is known.
     #[default]
     Unknown,
-    /// Nothing stands there.
+    /// Cell in which nothing stands.
     Free,
-    /// Something stands there.
+    /// Cell in which something stands.
     Occupied,
 }
 
@@ -38,11 +38,11 @@ pub struct OccupancyGrid {
 }
 
 impl OccupancyGrid {
-    /// A checked grid. `grid_in_map` is the pose of the outer corner of the first cell; `cells`
-    /// go along x of the grid first, row after row along its y.
+    /// Checks and builds a grid. `grid_in_map` is the pose of the outer corner of the first cell;
+    /// `cells` go along x of the grid first, row after row along its y.
     ///
     /// # Errors
-    /// Names the field that cannot be, its value and what is accepted.
+    /// Names the impossible field, its value and the accepted values.
     pub fn new(
         resolution_m: f64,
         grid_in_map: Pose2,
@@ -102,7 +102,7 @@ impl OccupancyGrid {
         self.cells.len() / self.width
     }
 
-    /// What is known of the cell in a column and row; unknown outside.
+    /// Occupancy of the cell in a column and row; unknown outside.
     pub fn at(&self, column: i64, row: i64) -> Occupancy {
         let inside = usize::try_from(column)
             .ok()

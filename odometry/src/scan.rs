@@ -17,8 +17,8 @@ pub struct ScanShape {
     pub angle_min_rad: f64,
     /// Angle from one beam to the next, rad; negative for a scanner that turns clockwise.
     pub angle_increment_rad: f64,
-    /// Time from one beam to the next, s; 0 when all were taken at once or corrected already, or when
-    /// the scanner does not say: LiDAR odometry finds out which.
+    /// Time from one beam to the next, s; 0 when all were taken at once or corrected already, or
+    /// when the scanner does not state it: LiDAR odometry determines which.
     pub time_increment_s: f64,
     /// Shortest valid range, m.
     pub range_min_m: f64,
@@ -36,11 +36,11 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// A checked scan. Ranges that are not finite or lie outside `range_min..range_max` are no
-    /// returns, which is normal input.
+    /// Checks and builds a scan. Ranges that are not finite or lie outside `range_min..range_max`
+    /// are no returns, which is normal input.
     ///
     /// # Errors
-    /// Names the field of the shape that cannot be, or the number of beams.
+    /// Names the impossible field of the shape, or the number of beams.
     pub fn new(
         stamp: RobotTime,
         shape: ScanShape,
@@ -117,7 +117,7 @@ impl Scan {
         }
     }
 
-    /// Says whether it was made of points without times.
+    /// True if it was made of points without times.
     pub fn lacks_beam_times(&self) -> bool {
         self.lacks_beam_times
     }

@@ -1,4 +1,4 @@
-//! The floor that a tilted scanner sees: what is taken for it, and what is not.
+//! The floor that a tilted scanner sees: its returns, and those that are not.
 
 mod scene;
 
@@ -7,7 +7,7 @@ use fleetcal_odometry::{Pose2, Scan};
 use scene::{Scanner, Scene, figure_eight, seeded, straight};
 use std::f64::consts::TAU;
 
-/// Where a LiDAR is at a time, s.
+/// Pose of a LiDAR at a time, s.
 type Route = dyn Fn(f64) -> Pose2;
 
 /// Scans of a minute and a half.
@@ -30,7 +30,8 @@ fn is_at(floor: Option<FloorLine>, distance_m: f64) -> bool {
     floor.is_some_and(|floor| (floor.distance_m() - distance_m).abs() < 0.02 * distance_m)
 }
 
-/// Takes an odometry on through the scans of these numbers; how often it said that it found the floor.
+/// Passes the scans of these numbers to an odometry; returns how often it reported the floor as
+/// found.
 fn follow(
     odometry: &mut LidarOdometry,
     scanner: &Scanner,
@@ -49,7 +50,7 @@ fn follow(
     found
 }
 
-/// Follows a scanner that is upright, and says how far it turned in all, rad.
+/// Follows an upright scanner, and returns how far it turned in all, rad.
 fn assert_sees_no_floor(scene: &Scene, route: &Route, scan_of: &dyn Fn(Scan) -> Scan) -> f64 {
     let (mut rng, scanner) = (seeded(1), Scanner::default());
     let mut odometry = LidarOdometry::default();
@@ -107,7 +108,8 @@ fn a_hall_that_turns_around_the_robot_is_no_floor() {
     assert!(turned_rad > 25.0, "{turned_rad} rad of 27");
 }
 
-/// The back of a truck 2.5 m ahead that drives as the robot does, where what is behind it is out of reach.
+/// The back of a truck 2.5 m ahead that drives as the robot does, where everything behind it is out
+/// of reach.
 #[test]
 fn a_vehicle_ahead_at_the_same_speed_is_no_floor() {
     let behind_truck = |scan: Scan| {

@@ -13,7 +13,7 @@ use fleetcal_robot::simulator::{SimulatedMessage, Simulation, SimulationConfig, 
 use nalgebra::{Vector2, Vector3};
 
 /// Draws a world's walls and pillars into cells of `resolution_m`, the first corner at `origin`:
-/// what can be reached from `start` is free, the rest unknown.
+/// the space that can be reached from `start` is free, the rest unknown.
 fn drawn(world: &World, resolution_m: f64, origin: Pose2, start: Pose2) -> OccupancyGrid {
     let into_grid = origin.inverse();
     let corners = world.segments().iter().flat_map(|s| [s.from, s.to]);
@@ -97,7 +97,7 @@ fn error(pose: &OdometryPose, truth: &Pose2) -> Vector3<f64> {
     Vector3::new(error.x_m, error.y_m, wrap_angle_rad(error.yaw_rad))
 }
 
-/// What the odometry said of each scan, with its error.
+/// Result of the odometry for each scan, with its error.
 fn driven(odometry: &mut LidarOdometry, drive: &Drive) -> Vec<(OdometryPose, Vector3<f64>)> {
     let poses = drive.scans.iter().map(|(scan, truth)| {
         let pose = odometry.process(scan).unwrap();
@@ -116,9 +116,9 @@ fn errors(driven: &[(OdometryPose, Vector3<f64>)]) -> (f64, f64, f64) {
     (rms_m, largest(&|e| e.xy().norm()), largest(&|e| e.z.abs()))
 }
 
-/// Walls along the axes lie in the middle of cells of 5 cm.
+/// Grid on whose axes walls lie in the middle of cells of 5 cm.
 const ALONG_AXES: Pose2 = Pose2::new(-20.525, -12.525, 0.0);
-/// Walls lie anywhere in their cells.
+/// Grid in which walls lie anywhere in their cells.
 const ASKEW: Pose2 = Pose2::new(-20.4, -12.7, 0.012);
 
 #[test]

@@ -1,4 +1,4 @@
-//! LiDAR odometry against the truth of a simulated hall: accuracy, honesty, and what goes wrong.
+//! LiDAR odometry against the truth of a simulated hall: accuracy, honesty and failures.
 
 mod scene;
 
@@ -9,10 +9,10 @@ use fleetcal_odometry::{Pose2, RobotTime, Scan};
 use nalgebra::Vector3;
 use scene::{START, Scanner, Scene, figure_eight, seeded, straight};
 
-/// What the odometry said of a scan, and the LiDAR's true pose then.
+/// Result of the odometry for a scan, and the LiDAR's true pose then.
 type Pair = (OdometryPose, Pose2);
 
-/// Drives `route` and gives what the odometry said, for the scans that `keep` lets through.
+/// Drives `route` and returns the odometry's results, for the scans that `keep` lets through.
 fn drive(
     scene: &Scene,
     scanner: &Scanner,
@@ -468,6 +468,12 @@ fn memory_stays_within_four_mebibytes_over_ten_kilometres() {
     }
     assert!(largest < 4 << 20, "{largest} bytes");
     assert!(tracked > scans * 99 / 100, "{tracked} of {scans}");
+}
+
+#[test]
+fn an_odometry_without_a_scan_holds_nothing_of_a_map() {
+    let bytes = LidarOdometry::default().memory_bytes();
+    assert!(bytes < 1_024, "{bytes} bytes");
 }
 
 /// The part in sight of an endless hall with shelves of many kinds.

@@ -17,8 +17,7 @@ use fleetcal_odometry::{LidarOdometry, Pose2};
 use rings::RingScanner;
 use scene::{Scanner, Scene, figure_eight, seeded};
 
-/// How far two odometries have come apart at most, m and rad, over a drive in which both see the
-/// same.
+/// Largest difference between two odometries, m and rad, over a drive in which both see the same.
 fn apart(planar: Scanner, people: usize) -> (f64, f64) {
     let scene = Scene::warehouse().with_people(people, [9.0, 4.0], 3);
     let rings = RingScanner { planar };

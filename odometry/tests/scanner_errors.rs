@@ -13,7 +13,7 @@ use fleetcal_odometry::lidar_odometry::{
 use nalgebra::Vector3;
 use scene::{Scanner, Scene, figure_eight, seeded};
 
-/// What the odometry said of a scan, and the LiDAR's true pose then.
+/// Result of the odometry for a scan, and the LiDAR's true pose then.
 type Pair = (OdometryPose, Pose2);
 
 /// Seconds after which the scanner should be known.
@@ -65,7 +65,7 @@ fn mean_errors(scanner: &Scanner, pairs: &[Pair]) -> [Vector3<f64>; 2] {
     sums.map(|(sum, count)| sum / count)
 }
 
-/// No second of a turn is wrong by this on the mean.
+/// Asserts that no second of a turn is wrong by this on the mean.
 fn assert_unbiased(scanner: &Scanner, seed: u64, mm: f64, deg: f64) -> ScannerReport {
     let (pairs, odometry) = drive(scanner, seed);
     let lost = |(pose, _): &&Pair| pose.tracking == Tracking::Lost;
@@ -161,8 +161,8 @@ fn times_misled_by_beam_times(poses: &[Pair]) -> usize {
     poses.iter().filter(is_told).count()
 }
 
-/// Until the floor is found, its returns tell a wrong duration, and the map that is drawn with it hides most
-/// of the right one: these were taken for scanners that do not turn, for good.
+/// Scanners whose floor's returns show a wrong duration until the floor is found, and whose map,
+/// drawn with it, hides most of the right one: they were judged not to turn, for good.
 #[test]
 fn a_turning_scanner_that_sees_the_floor_is_seen_to_turn_after_all() {
     for (scanner, seed) in untimed_and_tilted() {

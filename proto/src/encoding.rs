@@ -1,4 +1,4 @@
-//! In which form a message travels, as its Zenoh encoding says.
+//! Form in which a message travels, by its Zenoh encoding.
 
 use thiserror::Error;
 

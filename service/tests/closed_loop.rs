@@ -30,13 +30,13 @@ use tokio_util::sync::CancellationToken;
 
 /// The offsets of the paper's two runs, degrees.
 const OFFSETS_DEG: [f64; 2] = [2.92, -1.25];
-/// Robots live so many times as fast as the clock goes.
+/// Factor by which the robots' time runs faster than the clock.
 const RATE: NonZeroU32 = NonZeroU32::new(4).unwrap();
-/// What is left after the push must be below this, degrees.
+/// Largest offset that is left after the push, degrees.
 const RESIDUAL_MAX_DEG: f64 = 0.1;
-/// What a proposal promises is met to this part of the gain.
+/// Largest part of the gain by which a proposal's promise may be missed.
 const PROMISE_MISSED_MAX: f64 = 0.25;
-/// How long the whole may take.
+/// Longest duration of the whole.
 const PATIENCE: Duration = Duration::from_secs(200);
 
 fn free_port() -> u16 {
@@ -93,7 +93,7 @@ async fn approve(service: &Service, robot: &RobotId) -> ExpectedGain {
     promise
 }
 
-/// What the open proposal of a robot promises, once it has driven enough.
+/// Gain that the open proposal of a robot promises, once it has driven enough.
 fn promised(service: &Service, robot: &RobotId) -> Option<ExpectedGain> {
     let ledger = service.lifecycle().ledger(robot);
     let open = ledger.open.as_ref()?;

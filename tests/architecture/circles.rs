@@ -116,7 +116,7 @@ pub const CRATES: [Member; 27] = [
     member(
         "fleetcal-command",
         "service/command",
-        "checks clock config domain estimator fleet model operations proto robot",
+        "clock config domain estimator fleet model operations proto robot",
     ),
     member(
         "fleetcal",

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::{Duration, SystemTime};
 
 /// Makes an empty folder below Cargo's own for tests.
 fn folder(name: &str) -> PathBuf {
@@ -53,4 +54,24 @@ fn what_names_its_own_target_folder_is_built_again_elsewhere() {
     assert!(restored(".fingerprint/plain-0/run-build-script"));
     assert!(!restored("build/bound-0/out/generated.rs"));
     assert!(!restored(".fingerprint/bound-0/run-build-script"));
+}
+
+#[test]
+fn of_the_kept_folders_the_last_three_stay_and_nothing_else_is_touched() {
+    let (kept, here) = (folder("kept_beside_others"), folder("here_beside_others"));
+    built(&here, "plain", "const A: u8 = 0;");
+    fs::create_dir(kept.join("photos")).unwrap();
+    fs::write(kept.join("photos/one.jpg"), "one").unwrap();
+    let then = SystemTime::now() - Duration::from_hours(5);
+    for (age, name) in ["1.90.0-a", "1.90.0-b", "1.90.0-c"].into_iter().enumerate() {
+        fs::create_dir(kept.join(name)).unwrap();
+        let mark = fs::File::create(kept.join(name).join("complete")).unwrap();
+        mark.set_modified(then + Duration::from_secs(age as u64))
+            .unwrap();
+    }
+    dependencies("keep", &here, &kept);
+    assert!(!kept.join("1.90.0-a").exists());
+    assert!(kept.join("1.90.0-b").exists() && kept.join("1.90.0-c").exists());
+    assert!(kept.join("photos/one.jpg").exists());
+    assert_eq!(fs::read_dir(&kept).unwrap().count(), 4);
 }

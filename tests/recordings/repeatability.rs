@@ -1,4 +1,4 @@
-//! Do disjoint blocks of a real drive agree, by the sigmas that they claim?
+//! Repeatability: disjoint blocks of a real drive agree, by the sigmas that they claim.
 
 use std::path::{Path, PathBuf};
 

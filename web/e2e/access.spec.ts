@@ -3,7 +3,7 @@ import { accessible, expect, test } from './fixtures';
 
 test.use({ command: 'unset', as: null });
 
-/** What a browser says of an answer that asks to sign in. */
+/** Message of a browser about an answer that asks to sign in. */
 const ASKED = /status of 401/;
 
 test('the first administrator is made by the printed link, once, by keyboard alone', async ({

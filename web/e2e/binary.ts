@@ -19,7 +19,7 @@ const BETWEEN_DRIVES_S = 300;
 /** The administrator of every service that a test starts, the demo's apart. */
 export const ADMIN = { name: 'ada', password: 'correct horse battery' };
 
-/** What a browser keeps of somebody who signed in. */
+/** State of a browser in which somebody has signed in. */
 export interface SignedIn {
   cookies: {
     name: string;
@@ -72,7 +72,7 @@ export class Service {
   #robots: ChildProcess | undefined;
   #drives = 0;
   #log: string[] = [];
-  /** What it printed for people, whole. */
+  /** Its whole output for people. */
   #printed = '';
   #signedIn = new Map<string, Promise<SignedIn>>();
 
@@ -121,7 +121,7 @@ export class Service {
     }
   }
 
-  /** What stands behind a word that the service printed; waits until it has. */
+  /** Waits until the service has printed a line, and returns the text that the pattern captures. */
   async #told(pattern: RegExp): Promise<string> {
     const until = Date.now() + READY_WITHIN_MS;
     for (;;) {
@@ -175,7 +175,7 @@ export class Service {
     return { cookies: [cookie], origins: [] };
   }
 
-  /** Has simulated robots drive and send to the service. */
+  /** Starts simulated robots that drive and send to the service. */
   simulate(robots = 1): void {
     const flags = ['simulate', '--robots', String(robots), '--connect', this.zenoh];
     this.#robots = spawn(binary(), flags, { stdio: 'ignore' });
@@ -196,7 +196,7 @@ export class Service {
     await this.#execute([...sent, '--connect', this.zenoh]);
   }
 
-  /** Has the binary do something, to the end. */
+  /** Runs a command of the binary to its end. */
   async #execute(command: string[]): Promise<void> {
     const ended = once(spawn(binary(), command, { stdio: 'ignore' }), 'exit');
     const [status] = (await ended) as [number | null];
@@ -211,7 +211,7 @@ export class Service {
     this.#robots = spawn(python, [script, this.zenoh, id, binary()], { stdio: 'ignore' });
   }
 
-  /** Has the robots fall silent. */
+  /** Stops the robots. */
   async stopRobots(): Promise<void> {
     await end(this.#robots, 'SIGTERM');
   }

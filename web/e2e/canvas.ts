@@ -1,4 +1,4 @@
-/** What pages write on canvases, where no locator reaches. */
+/** Texts that pages write on canvases, where no locator reaches. */
 
 import type { Page } from '@playwright/test';
 
@@ -6,9 +6,9 @@ import type { Page } from '@playwright/test';
 export interface Letters {
   text: string;
   size_px: number;
-  /** Where it ends. */
+  /** Its right end. */
   right_px: number;
-  /** How wide its canvas is. */
+  /** Width of its canvas. */
   width_px: number;
 }
 

@@ -1,4 +1,4 @@
-/** What tests of the life cycle ask of the service beside the browser. */
+/** Requests of life-cycle tests to the service beside the browser. */
 
 import { expect, type APIRequestContext, type Browser, type Page } from '@playwright/test';
 import type { Service } from './binary';

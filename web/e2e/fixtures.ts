@@ -4,7 +4,7 @@ import AxeBuilder from '@axe-core/playwright';
 import { expect, type Page, test as base } from '@playwright/test';
 import { Service } from './binary';
 
-/** What went wrong in the browser, besides what a test looks at. */
+/** Errors in the browser, besides those that a test expects. */
 class Account {
   readonly #wrongs: string[] = [];
   readonly #origin: string;
@@ -23,7 +23,7 @@ class Account {
     });
   }
 
-  /** Takes what the content security policy reported. */
+  /** Adds a report of the content security policy. */
   report(violation: string): void {
     this.#wrongs.push(`content security policy: ${violation}`);
   }
@@ -34,7 +34,7 @@ class Account {
     this.#wrongs.splice(0, this.#wrongs.length, ...kept);
   }
 
-  /** What went wrong so far. */
+  /** Errors so far. */
   get wrongs(): readonly string[] {
     return this.#wrongs;
   }
@@ -42,14 +42,14 @@ class Account {
 
 interface Given {
   account: Account;
-  /** Who is signed in: one of the demo's accounts, or nobody. */
+  /** Account that is signed in: one of the demo's, or none. */
   as: string | null;
 }
 
 interface Shared {
   /**
-   * What the tests of a file run against: the demo, a service without robots, or one that nobody
-   * has set up.
+   * Service that the tests of a file run against: the demo, a service without robots, or one that
+   * nobody has set up.
    */
   command: 'demo' | 'serve' | 'unset';
   /** Tests that change what others look at have a service of their own, by this name. */
@@ -108,7 +108,7 @@ export async function accessible(page: Page): Promise<void> {
   expect(found).toEqual([]);
 }
 
-/** How much wider a page is than its window, px. */
+/** Excess of a page's width over its window's, px. */
 export async function sideways(page: Page): Promise<number> {
   return page.evaluate(
     () => document.documentElement.scrollWidth - document.documentElement.clientWidth,

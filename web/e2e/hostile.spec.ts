@@ -2,7 +2,7 @@ import { accessible, expect, test } from './fixtures';
 
 test.use({ command: 'serve', own: 'hostile' });
 
-/** What somebody may put into a name or a note, to see whether a page takes it for more than text. */
+/** Texts for names and notes that a page must show as text and nothing more. */
 const TRICKS = [
   '<script>alert(1)</script>',
   '<img src=x onerror=alert(1)>',
@@ -113,7 +113,7 @@ test('50 hostile names and notes are shown as text', async ({ page }) => {
   await nothingGrew();
   await accessible(page);
 
-  /** Of what the tricks would make, nothing is in the page. */
+  /** Asserts that the page has nothing that the tricks would make. */
   async function nothingGrew() {
     const grown = page.locator(
       'main :is(script, img, iframe, object, video, base, meta, link, style, math, [onerror], [onload])',

@@ -81,7 +81,7 @@ test('500 robots: the first row within 0.5 s, interactions under 100 ms', async 
   expect(Math.max(...loads)).toBeLessThan(FIRST_CONTENT_WITHIN_MS);
   expect(worst).toBeLessThan(INTERACTION_WITHIN_MS);
 
-  /** From the beginning of the navigation until the first row is painted. */
+  /** Time from the beginning of the navigation until the first row is painted. */
   async function firstRow(): Promise<number> {
     await page.waitForFunction(() => performance.getEntriesByName('first-row').length > 0);
     return page.evaluate(() => {
@@ -90,7 +90,7 @@ test('500 robots: the first row within 0.5 s, interactions under 100 ms', async 
     });
   }
 
-  /** From an input until the frame that shows what it did. */
+  /** Time from an input until the frame that shows its effect. */
   async function measured(act: () => Promise<void>): Promise<number> {
     await page.evaluate(() => {
       const held = globalThis as unknown as { took?: Promise<number> };

@@ -3,19 +3,19 @@ import { expect, test } from './fixtures';
 
 test.use({ command: 'serve', own: 'lean', as: 'admin' });
 
-/** After this time a page has read what it shows; nothing is due again yet. */
+/** Time after which a page has read what it shows; nothing is due again yet. */
 const OPENED_MS = 1_500;
 /** A page says "Live" within this time. */
 const LIVE_WITHIN_MS = 2_500;
 /** An event may fall into the opening of a page; not into this many in a row. */
 const OPENINGS = 4;
-/** What a page shows that is read again all the time while it is seen. */
+/** Paths that a page reads again and again while it is visible. */
 const LIVE = /\/(top-view|stream|metrics)$/;
 const ROUND_TRIPS = 15;
 /** Listeners of what is not collected yet. */
 const LISTENERS_MAX = 4;
 
-/** How often each path of the API was read while `act` ran, the live ones apart. */
+/** Number of reads of each path of the API while `act` ran, the live ones apart. */
 async function reads(page: Page, act: () => Promise<void>): Promise<Map<string, number>> {
   const found = new Map<string, number>();
   const count = (request: Request) => {

@@ -2,9 +2,9 @@ import { expect, test } from './fixtures';
 
 test.use({ command: 'serve', own: 'reassembly', as: 'admin' });
 
-/** With the loops of the simulated drive, some 60 m at 1 m/s. */
+/** Duration of a drive with its loops, some 60 m at 1 m/s. */
 const DRIVE_S = 70;
-/** By how much the LiDAR's yaw moves in the workshop. */
+/** Turn of the LiDAR's yaw in the workshop. */
 const TURNED_DEG = 1.2;
 
 test('the verdict on a reassembly appears on the open page, by touch', async ({

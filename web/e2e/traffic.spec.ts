@@ -5,7 +5,7 @@ import type { Service } from './binary';
 
 test.use({ command: 'serve', own: 'traffic', as: 'admin' });
 
-/** What a page may receive that does not show the fleet, compressed, with all headers. */
+/** Most bytes a second that a page without the fleet may receive, compressed, with all headers. */
 const RECEIVED_MAX_BPS = 5_000;
 const FLEET_RECEIVED_MAX_BPS = 50_000;
 /** A page has read what it shows after this time, and is then counted for so long. */
@@ -45,7 +45,7 @@ class Counter {
   }
 }
 
-/** What a page of its own counter receives once it is open, bytes/s. */
+/** Traffic received by a page with its own counter once it is open, bytes/s. */
 async function received(browser: Browser, service: Service, path: string): Promise<number> {
   const counter = new Counter(service);
   const context = await browser.newContext({

@@ -1,7 +1,5 @@
 //! Table of the checks and of the causes that each can name.
 
-use crate::finding::State;
-
 /// Subject of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Check {
@@ -86,17 +84,6 @@ pub(crate) struct Row {
     pub certain: bool,
     /// Remedy.
     pub advice: &'static str,
-}
-
-impl Row {
-    /// State of the check that names the cause.
-    pub const fn state(&self) -> State {
-        if self.certain {
-            State::Wrong
-        } else {
-            State::Unsure
-        }
-    }
 }
 
 const SOON: Held = Held::Seconds(5.0);

@@ -10,7 +10,7 @@ const GEAR_MIN: f64 = 1.0 / 80.0;
 const GEAR_MAX: f64 = 20.0;
 /// Steps towards the zero of the angle.
 const ZERO_STEPS: usize = 3;
-/// A middle angle beyond this is that of a sensor whose zero is elsewhere, rad.
+/// Middle angle beyond which a sensor's zero is elsewhere, rad.
 const FAR_ZERO_RAD: f64 = 1.2;
 
 /// One piece of the way: the curve driven, times the described wheelbase, and the angle as sent.
@@ -44,7 +44,7 @@ impl Curve {
     }
 }
 
-/// Everything that the curve says of the angle.
+/// Bends from which the angle is determined.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Bends {
     bends: Vec<Bend>,

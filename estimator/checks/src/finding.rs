@@ -5,17 +5,26 @@ use crate::cause::{Cause, Check, Held};
 /// State of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// The evidence goes together.
+    /// Evidence that goes together.
     Ok,
-    /// A cause is named.
+    /// Cause that is named.
     Wrong,
-    /// The evidence has more than one explanation.
+    /// Evidence with more than one explanation.
     Unsure,
-    /// Too little was seen so far.
+    /// Evidence that is too little so far.
     NotYet,
 }
 
 impl State {
+    /// State of the check that names a cause.
+    const fn of(cause: Cause) -> Self {
+        if cause.row().certain {
+            Self::Wrong
+        } else {
+            Self::Unsure
+        }
+    }
+
     /// Its name: `ok`, `wrong`, `unsure` or `not_yet`.
     pub const fn name(self) -> &'static str {
         match self {
@@ -50,7 +59,7 @@ impl Finding {
         let row = cause.row();
         Self {
             check: row.check,
-            state: row.state(),
+            state: State::of(cause),
             cause: Some(cause),
             seen,
             after_m: 0.0,
@@ -64,7 +73,7 @@ impl Finding {
     }
 }
 
-/// A cause that what was seen at one look points to.
+/// Cause that the evidence of one look points to.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Suspicion {
     pub cause: Cause,
@@ -101,8 +110,8 @@ pub(crate) struct Patience {
 }
 
 impl Patience {
-    /// Takes what one look at some checks points to. A cause of these checks that is not among it is
-    /// forgotten, unless it is named already and does not end.
+    /// Adds the suspicions of one look at some checks. A cause of these checks that is not among
+    /// them is forgotten, unless it is named already and does not end.
     pub fn look(&mut self, now: Moment, looked_at: impl Fn(Cause) -> bool, found: Vec<Suspicion>) {
         let is_found = |cause| found.iter().any(|one| one.cause == cause);
         self.suspected.retain(|one| {
@@ -140,7 +149,7 @@ impl Patience {
             let row = one.cause.row();
             Some(Finding {
                 check: row.check,
-                state: row.state(),
+                state: State::of(one.cause),
                 cause: Some(one.cause),
                 seen: one.seen.clone(),
                 after_m: named.way_m,

@@ -2,7 +2,7 @@
 
 use nalgebra::Complex;
 
-/// Times the weights are taken from the residuals again.
+/// Number of times that the weights are computed from the residuals again.
 const REWEIGHTED: usize = 5;
 
 /// Solution of a fit.

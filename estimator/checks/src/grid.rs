@@ -6,7 +6,7 @@ pub(crate) const CELL_S: f64 = 0.1;
 pub(crate) const CELLS: usize = 600;
 /// Longest gap that is filled by a straight line, s.
 const GAP_MAX_S: f64 = 0.75;
-/// A clock that goes back by more begins the ring again, s.
+/// Jump of a clock back that begins the ring again, s.
 const BACK_MAX_S: f64 = 1.0;
 
 /// Quantities of a cell.
@@ -55,7 +55,7 @@ impl Default for Grid {
 }
 
 impl Grid {
-    /// Takes the next value of the speed or the angle: a straight line from the last one.
+    /// Adds the next value of the speed or the angle: a straight line from the last one.
     pub fn take(&mut self, channel: Channel, time_s: f64, value: f64) {
         let Some(last) = self.last.get_mut(channel as usize) else {
             return;
@@ -79,7 +79,7 @@ impl Grid {
         });
     }
 
-    /// Takes a velocity of the LiDAR that it kept from one time to another.
+    /// Adds a velocity of the LiDAR that it kept from one time to another.
     pub fn take_motion(&mut self, from_s: f64, to_s: f64, velocity: [f64; 3]) {
         let channels = [Channel::Ahead, Channel::Left, Channel::Turn];
         for (channel, value) in channels.into_iter().zip(velocity) {

@@ -11,11 +11,11 @@ use crate::lag::{self, Lag, Numbers, Vectors};
 
 /// Cells of a row: 0.3 s.
 const ROW_CELLS: i64 = 3;
-/// Fewest rows in motion that say anything.
+/// Fewest rows in motion that show anything.
 const ROWS_MIN: usize = 20;
 /// Longest lag that is looked for, s.
 pub(crate) const LAG_MAX_S: f64 = 8.0;
-/// Beyond this no wheel is steered, rad.
+/// Largest angle of a steered wheel, rad.
 const STEERED_MAX_RAD: f64 = 1.4;
 
 /// Motion over 0.3 s.
@@ -221,7 +221,7 @@ impl Motion {
         Some(motion)
     }
 
-    /// The model that the speed speaks for, where it does.
+    /// Model that the speed supports, where it does one.
     pub fn model(&self) -> Option<VehicleModel> {
         let mount = self.mount?;
         let (axle, wheel) = (mount.residual_axle, mount.residual_wheel);
@@ -281,7 +281,7 @@ impl Lags {
         }
     }
 
-    /// The lag of the speed behind that of the vehicle itself, which the mount's lever is taken off.
+    /// Lag of the speed behind the vehicle's own, with the effect of the mount's lever removed.
     fn at_mount(series: &Series, mount: &Mount, are_radians: bool) -> Option<Lag> {
         let lever = (mount.x_m.hypot(mount.y_m) < 20.0).then(|| mount.lever())?;
         let base = |((x, y), (w, _)): (&(f32, f32), &(f32, f32))| {
@@ -406,7 +406,7 @@ impl Mount {
         })
     }
 
-    /// Velocity that a yaw rate of 1 rad/s gives the LiDAR, in its own frame.
+    /// Velocity of the LiDAR at a yaw rate of 1 rad/s, in its own frame.
     fn lever(&self) -> Complex<f64> {
         Complex::new(0.0, 1.0)
             * Complex::new(self.x_m, self.y_m)
@@ -432,7 +432,7 @@ fn bends(moving: &[Row], mount: &Mount, wheelbase_m: f64, cosine: impl Fn(&Row) 
 }
 
 impl Steering {
-    /// The turn driven over that which angle and wheelbase say, without a gear.
+    /// Turn driven over the turn by angle and wheelbase, without a gear.
     pub fn turns(&self) -> f64 {
         self.wheelbase
             .map_or_else(|| self.curve.slope(), |line| line.slope())

@@ -5,11 +5,11 @@ use fleetcal_model::{Pose2, RobotTime};
 use crate::cause::Cause;
 use crate::finding::Suspicion;
 
-/// Fewest poses in motion that say anything.
+/// Fewest poses in motion that show anything.
 const MOVING_MIN: u32 = 40;
 /// Share of repeated poses that is no accident.
 const REPEATED_MIN: f64 = 0.4;
-/// Slower than this a robot stands, m/s.
+/// Speed below which a robot stands, m/s.
 const MOVING_MPS: f64 = 0.1;
 /// Tilt of the pose's z axis beyond which it is no plane's, rad, and share of such poses.
 const TILT_MIN_RAD: f64 = 0.35;
@@ -20,7 +20,7 @@ const GAP_MAX_S: f64 = 1.0;
 const JUMP_MIN_M: f64 = 0.12;
 const JUMP_MIN_RAD: f64 = 0.06;
 const JUMPS_MIN: u32 = 2;
-/// Velocities differ by no more from pose to pose, m/s² and rad/s².
+/// Largest change of the velocity from pose to pose, m/s² and rad/s².
 const ACCELERATION_MAX: f64 = 3.0;
 /// Share of a step by which uneven stamps may put it wrong.
 const UNEVEN: f64 = 0.3;
@@ -45,7 +45,7 @@ pub(crate) struct PoseWatch {
 }
 
 impl PoseWatch {
-    /// Takes a pose, the tilt of its z axis, rad, and the speed of the wheels at that time, m/s.
+    /// Adds a pose, the tilt of its z axis, rad, and the speed of the wheels at that time, m/s.
     pub fn take(&mut self, stamp: RobotTime, pose: Pose2, tilt_rad: f64, speed_mps: f64) {
         self.poses = self.poses.saturating_add(1);
         self.tilted += u32::from(tilt_rad > TILT_MIN_RAD);

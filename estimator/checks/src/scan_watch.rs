@@ -10,20 +10,20 @@ use crate::fit::quantile;
 
 /// Scans from one that is looked at closely to the next.
 const LOOKED_AT_EVERY: u64 = 5;
-/// Fewest scans of either kind that say anything.
+/// Fewest scans of either kind that show anything.
 const LOOKED_AT_MIN: u32 = 5;
 const SCANS_MIN: u64 = 40;
 /// Share of the scans looked at that has to show the same.
 const AGREED_SHARE: f64 = 0.8;
-/// Nine ranges in ten are below this where they are in metres, m.
+/// Range below which nine ranges in ten lie where they are in metres, m.
 const METRES_MAX: f64 = 90.0;
-/// Share of beams with a return below which a scan says little.
+/// Share of beams with a return below which a scan shows little.
 const RETURNS_MIN: f64 = 0.1;
 /// Share of beams with exactly the scan's largest range that is no accident.
 const LARGEST_MIN_SHARE: f64 = 0.1;
 /// Share of scans that repeat the one before that is no accident.
 const REPEATED_MIN: f64 = 0.2;
-/// Scans come so much more often than they take where there are two scanners.
+/// Number of scans within the duration of one, from which there are two scanners.
 const CROWDED: f64 = 1.6;
 /// Largest relative difference between the time of a turn by its beams and the time between scans.
 const TURN_OFF_MAX: f64 = 0.15;
@@ -52,7 +52,7 @@ pub(crate) struct ScanWatch {
 }
 
 impl ScanWatch {
-    /// Takes a scan and the time from one scan to the next that it states, s (0 for none).
+    /// Adds a scan and the time from one scan to the next that it states, s (0 for none).
     pub fn take(&mut self, scan: &Scan, scan_time_s: f64) {
         let shape = scan.shape();
         let content = content_of(scan.ranges_m());
@@ -215,7 +215,7 @@ impl ScanWatch {
     }
 }
 
-/// A number that is another one where a range is.
+/// Number that differs where a range does.
 fn content_of(ranges_m: &[f32]) -> u64 {
     let mix = |content: u64, range: &f32| {
         (content.rotate_left(5) ^ u64::from(range.to_bits())).wrapping_mul(0x9e37_79b9_7f4a_7c15)
@@ -236,7 +236,7 @@ const BODY_SPREAD_MAX_M: f32 = 0.05;
 const BODY_UNTURNED_SPREAD_MAX_M: f32 = 0.02;
 const BODY_RANGE_MAX_M: f32 = 2.0;
 const BODY_UNTURNED_WAY_M: f64 = 30.0;
-/// Share of the beams that hit the robot that is told.
+/// Share of the beams that hit the robot that is reported.
 const BODY_MIN_SHARE: f64 = 0.3;
 
 /// Range of a beam so far.

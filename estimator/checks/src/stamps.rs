@@ -8,23 +8,24 @@ use crate::fit::quantile;
 
 /// Latest steps and ages that are kept.
 const LATEST: usize = 64;
-/// Fewest of them that say anything.
+/// Fewest of them that show anything.
 const LATEST_MIN: usize = 32;
 /// Share of repeated stamps that is no accident.
 const REPEATED_MIN: f64 = 0.4;
 /// Unevenness of stamps that are made where messages are received, s, and as a share of the period.
 const UNEVEN_MIN_S: f64 = 0.04;
 const UNEVEN_MIN_SHARE: f64 = 0.05;
-/// Unevenness of a stream in which single steps can be told, as a share of the period.
+/// Unevenness of a stream in which single steps show, as a share of the period.
 const EVEN_MAX_SHARE: f64 = 0.1;
-/// A step between stamps that is so far from a whole number of periods is none of its clock's.
+/// Distance of a step between stamps from a whole number of periods, as a share, from which it is
+/// none of its clock's.
 const OFF_SHARE: f64 = 0.3;
 /// Share of such steps, and number of them, that is no accident.
 const STEPPED_MIN_SHARE: f64 = 0.004;
 const STEPPED_MIN: u32 = 5;
 /// Parts of a second up to which `nanosec` may hold microseconds, s.
 const MICROSECONDS_MAX_S: f64 = 1.1e-3;
-/// A stamp so much older than the newest is late or of a clock that went back, s.
+/// Age behind the newest stamp from which a stamp is late or of a clock that went back, s.
 const BACK_MIN_S: f64 = 0.3;
 /// A stamp so far ahead of the newest counts once a second one agrees, s.
 const AHEAD_MIN_S: f64 = 60.0;
@@ -60,7 +61,7 @@ pub(crate) struct StampWatch {
 }
 
 impl StampWatch {
-    /// Takes the next stamp, and the time of arrival, ns.
+    /// Adds the next stamp, and the time of arrival, ns.
     pub fn take(&mut self, stamp: RobotTime, arrival_ns: i64) {
         let place = self.messages as usize % LATEST;
         self.messages = self.messages.saturating_add(1);
@@ -226,7 +227,7 @@ fn put<T>(ring: &mut Vec<T>, place: usize, value: T) {
 const WINDOW_S: f64 = 2.0;
 /// Windows on either side of a step.
 const SIDE: usize = 5;
-/// Least step that is told, s.
+/// Least step that is named, s.
 const STEP_MIN_S: f64 = 0.025;
 /// Smallest step over the spread of the windows on a side.
 const STEP_OVER_SPREAD: f64 = 4.0;
@@ -251,7 +252,7 @@ pub(crate) struct AgeWatch {
 }
 
 impl AgeWatch {
-    /// Takes a message of the LiDAR (0) or the wheels (1).
+    /// Adds a message of the LiDAR (0) or the wheels (1).
     pub fn take(&mut self, of: usize, stamp: RobotTime, arrival_ns: i64) {
         let age_s = arrival_ns.saturating_sub(stamp.0) as f64 * 1e-9;
         if arrival_ns >= self.window_ends_ns {
@@ -319,7 +320,7 @@ impl AgeWatch {
         });
     }
 
-    /// The step that was seen: of the LiDAR (0) or the wheels (1), forward positive, s.
+    /// Suspicion of a step: of the LiDAR (0) or the wheels (1), forward positive, s.
     pub fn suspicion(&self) -> Option<Suspicion> {
         let (of, step_s) = self.step?;
         let name = if of == 0 { "the LiDAR" } else { "the wheels" };

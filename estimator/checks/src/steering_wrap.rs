@@ -48,7 +48,7 @@ pub(crate) struct SteeringWrap {
 }
 
 impl SteeringWrap {
-    /// Takes an angle; says whether a turn was found just now.
+    /// Adds an angle; returns true if a turn was found just now.
     pub fn take(&mut self, angle: f64) -> bool {
         self.radians.take(angle, TAU);
         self.degrees.take(angle, 360.0);

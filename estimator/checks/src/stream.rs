@@ -1,4 +1,4 @@
-//! One stream: how many messages came, of what frames, and how they are stamped.
+//! One stream: the number of its messages, their frames, and their stamps.
 
 use fleetcal_model::{RobotTime, Stream};
 
@@ -6,11 +6,11 @@ use crate::cause::Cause;
 use crate::finding::Suspicion;
 use crate::stamps::StampWatch;
 
-/// Most frames that are told apart.
+/// Most frames that are distinguished.
 const FRAMES_MAX: usize = 4;
 /// Longest name of a frame that is kept, and longest reason, bytes.
 const TEXT_BYTES_MAX: usize = 200;
-/// Share of refused messages that is told, and number of them.
+/// Share of refused messages that is named, and number of them.
 const REFUSED_MIN_SHARE: f64 = 0.05;
 const REFUSED_MIN: u64 = 10;
 /// Share of the messages that a further frame has to have.
@@ -23,7 +23,7 @@ pub struct StreamReport {
     pub stream: Stream,
     /// Messages that came.
     pub messages: u64,
-    /// Messages that were refused, and why the first one was.
+    /// Messages that were refused.
     pub refused: u64,
     /// Reason of the first refusal.
     pub first_refusal: Option<String>,
@@ -89,7 +89,7 @@ impl StreamWatch {
         }
     }
 
-    /// Takes a message that could be read.
+    /// Adds a message that could be read.
     pub fn take(&mut self, stamp: RobotTime, frame: &str, arrival_ns: i64) {
         self.messages += 1;
         self.last_arrival_ns = arrival_ns;

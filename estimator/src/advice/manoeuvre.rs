@@ -1,9 +1,9 @@
-//! A library of manoeuvres that a driver, or a fleet's dispatcher, can ask a robot for.
+//! A library of manoeuvres that a driver, or a fleet's dispatcher, can order from a robot.
 
 use crate::drive_history::DriveSegment;
 use crate::vehicle::{DriveReading, SpeedMeasuredAt, Vehicle};
 
-/// Steering angle of a manoeuvre's turns: what every vehicle can do, rad (20 degrees).
+/// Steering angle of a manoeuvre's turns: every vehicle can do it, rad (20 degrees).
 const TURN_STEERING_RAD: f64 = 0.35;
 /// Steering angle of a slalom, rad (6 degrees).
 const SLALOM_STEERING_RAD: f64 = 0.1;
@@ -21,14 +21,14 @@ struct Leg {
     to_mps: f64,
 }
 
-/// Something to drive.
+/// Manoeuvre that can be driven.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Manoeuvre {
     /// Short name: `left_turn`.
     pub name: &'static str,
-    /// What to say to a driver.
+    /// Instruction to a driver.
     pub instruction: String,
-    /// Length and width of the floor it takes, m.
+    /// Length and width of the floor it needs, m.
     pub space_m: [f64; 2],
     legs: Vec<Leg>,
 }

@@ -1,5 +1,5 @@
-//! Manoeuvres that would tell most about a parameter: the information each would add for this robot
-//! now, by the filter's own equations.
+//! Manoeuvres that would add most about a parameter: the information of each for this robot now, by
+//! the filter's own equations.
 
 pub mod manoeuvre;
 pub mod ranking;
@@ -21,7 +21,7 @@ const WINDOW_SIGMA: [f64; 3] = [0.003, 0.003, 0.000_7];
 /// Way that a manoeuvre costs before it begins, m: short ones are not free.
 const APPROACH_M: f64 = 5.0;
 
-/// A manoeuvre with what it would add.
+/// A manoeuvre with the knowledge that it would add.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Advice {
     /// The manoeuvre.
@@ -33,7 +33,7 @@ pub struct Advice {
     pub covariance_after: ParameterCovariance,
 }
 
-/// What is known of the robot that is to be advised.
+/// Knowledge of the robot that is to be advised.
 #[derive(Debug, Clone, Copy)]
 pub struct Knowledge<'a> {
     /// Its vehicle.
@@ -46,7 +46,7 @@ pub struct Knowledge<'a> {
     pub settings: &'a EstimatorSettings,
 }
 
-/// Every manoeuvre of the library with what it would add, in the library's order.
+/// Every manoeuvre of the library with the knowledge that it would add, in the library's order.
 pub fn advise(knowledge: &Knowledge) -> Vec<Advice> {
     library(knowledge.vehicle)
         .into_iter()
@@ -90,7 +90,7 @@ fn covariance_after(manoeuvre: &Manoeuvre, knowledge: &Knowledge) -> Option<Para
     Some(information.cholesky()?.inverse())
 }
 
-/// Information of what is known now. What is not estimated stays as it is.
+/// Information of the present knowledge. Parameters that are not estimated stay as they are.
 fn inverse(knowledge: &Knowledge) -> Option<ParameterCovariance> {
     let mut covariance = *knowledge.covariance;
     for i in 0..PARAMETERS {

@@ -1,5 +1,5 @@
-//! Ranking of the manoeuvres a robot could drive next, in the order of what each would add for
-//! this robot now, for the way it takes and on the floor there is.
+//! Ranking of the manoeuvres a robot could drive next, in the order of the information that each
+//! would add for this robot now, for the way it needs and on the floor there is.
 
 use super::manoeuvre::Manoeuvre;
 use super::{APPROACH_M, Advice, Knowledge, advise};
@@ -7,7 +7,7 @@ use crate::estimate::Parameter;
 use crate::filter::{ParameterCovariance, Values};
 use crate::settings::{EstimatorSettings, Freedom};
 
-/// A manoeuvre is worth asking for when it takes this share of a parameter's uncertainty away.
+/// Share of a parameter's uncertainty that a manoeuvre worth asking for removes.
 const WORTH_SHARE: f64 = 0.1;
 
 /// Free floor, m.
@@ -20,7 +20,7 @@ pub struct Floor {
 }
 
 impl Floor {
-    /// Whether a manoeuvre fits, one way round or the other.
+    /// True if a manoeuvre fits, one way round or the other.
     pub fn fits(&self, manoeuvre: &Manoeuvre) -> bool {
         let [long, wide] = manoeuvre.space_m;
         let holds = |length_m, width_m| long <= length_m && wide <= width_m;
@@ -28,20 +28,21 @@ impl Floor {
     }
 }
 
-/// A manoeuvre and what it is worth.
+/// A manoeuvre and its worth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ranked {
-    /// The manoeuvre and what would be known after it.
+    /// The manoeuvre and the knowledge after it.
     pub advice: Advice,
-    /// How many times the standard deviations that are too large for `converged` shrink, all in
-    /// all, as a natural logarithm. 0 when none is too large or the manoeuvre tells nothing of them.
+    /// Factor by which the standard deviations that are too large for `converged` shrink, all in
+    /// all, as a natural logarithm. 0 when none is too large or the manoeuvre shows nothing of
+    /// them.
     pub uncertainty_taken: f64,
     /// Information about all estimated parameters, bits.
     pub information_bits: f64,
 }
 
 impl Ranked {
-    /// Uncertainty taken and information for each metre, the way to the manoeuvre included.
+    /// Uncertainty removed and information for each metre, the way to the manoeuvre included.
     fn per_metre(&self) -> [f64; 2] {
         let way_m = APPROACH_M + self.advice.manoeuvre.distance_m();
         [
@@ -58,9 +59,9 @@ impl Ranked {
 
 /// All manoeuvres that fit on the floor, the best first.
 ///
-/// What counts is the uncertainty that still keeps parameters from `converged`, for each metre driven;
-/// where nothing is missing any more, information for each metre; and between equals the smaller
-/// floor. Without `floor` every manoeuvre fits.
+/// The order is by the uncertainty that still keeps parameters from `converged`, for each metre
+/// driven; where nothing is missing any more, by information for each metre; and between equals by
+/// the smaller floor. Without `floor` every manoeuvre fits.
 pub fn rank(knowledge: &Knowledge, floor: Option<Floor>) -> Vec<Ranked> {
     let sigma_now = Values::from_fn(|i, _| knowledge.covariance[(i, i)].sqrt());
     let fits = |advice: &Advice| floor.is_none_or(|floor| floor.fits(&advice.manoeuvre));
@@ -88,17 +89,17 @@ pub fn rank(knowledge: &Knowledge, floor: Option<Floor>) -> Vec<Ranked> {
     ranked
 }
 
-/// The first manoeuvre of a ranking that is worth driving for a parameter; `None` when none takes a
-/// tenth of its uncertainty. All parameters so ask for what the ranking has first, where that helps
-/// them: nobody is sent to drive one thing for each.
+/// The first manoeuvre of a ranking that is worth driving for a parameter; `None` when none removes
+/// a tenth of its uncertainty. So all parameters ask for the first of the ranking, where that helps
+/// them: nobody has to drive another one for each.
 pub fn first_for(parameter: Parameter, sigma_now: f64, ranked: &[Ranked]) -> Option<&Advice> {
     let i = parameter.index();
     let mut advice = ranked.iter().map(|one| &one.advice);
     advice.find(|advice| advice.sigma_after[i] < (1.0 - WORTH_SHARE) * sigma_now)
 }
 
-/// How far the estimated parameters' standard deviations are above their limits for `converged`, as
-/// a sum of natural logarithms.
+/// Excess of the estimated parameters' standard deviations over their limits for `converged`, as a
+/// sum of natural logarithms.
 fn uncertainty(sigma: &Values, settings: &EstimatorSettings) -> f64 {
     let estimated = Parameter::ALL
         .into_iter()
@@ -146,7 +147,7 @@ mod tests {
     use crate::geometry::Pose2;
     use crate::vehicle::{Vehicle, VehicleModel};
 
-    /// What is known of a tugger whose mount is known from CAD, and more of some parameters.
+    /// Ranking for a tugger whose mount is known from CAD, and more of some parameters.
     fn ranked(known: &[(Parameter, f64)], floor: Option<Floor>) -> Vec<Ranked> {
         let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
         let settings = EstimatorSettings::default();
@@ -179,7 +180,7 @@ mod tests {
         assert!(sigma_x("straight") > 0.09 && sigma_x(best) < 0.03);
     }
 
-    /// What a parameter asks for, of a tugger of which this is known.
+    /// Manoeuvre that a parameter asks for, of a tugger with this knowledge.
     fn asked(parameter: Parameter, known: &[(Parameter, f64)]) -> &'static str {
         let ranked = ranked(known, None);
         let sigma_now = known.iter().find(|(one, _)| *one == parameter);

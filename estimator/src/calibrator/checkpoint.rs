@@ -1,4 +1,4 @@
-//! Stored state of a calibrator, from which another one goes on.
+//! Stored state of a calibrator, from which another one continues.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -16,8 +16,8 @@ use crate::merge::{Merger, Stream};
 use crate::stream::Note;
 use crate::trust::Trust;
 
-/// Versions of the layout before the one that is written, which can be read as well: 8 knew nothing of the
-/// steering's lag, 7 nothing of the steering's curve, 6 nothing of the scanner either.
+/// Former versions of the layout that can be read as well: 8 lacks the steering's lag, 7 the
+/// steering's curve too, 6 the scanner too.
 const VERSIONS_BEFORE: [u32; 3] = [6, 7, 8];
 
 /// A calibrator's state, to be stored and restored. The local map is not in it: it is rebuilt.
@@ -32,8 +32,8 @@ pub struct Checkpoint {
     baseline: Option<Baseline>,
     #[serde(default)]
     scanner: Option<LearntScanner>,
-    /// The stream of the last message that left the merger, which has the stamp of the session: what
-    /// goes on from here has taken that message, and those before it.
+    /// Stream of the last message that left the merger, which has the stamp of the session: an
+    /// estimator that continues from here has received that message, and those before it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     left: Option<Stream>,
     /// Notes that the merger of a former version held until their stamps were reached.
@@ -44,10 +44,10 @@ pub struct Checkpoint {
     reassembly_open: bool,
 }
 
-/// Why a checkpoint could not be used.
+/// Reason for which a checkpoint was refused.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum CheckpointRefused {
-    /// It was written by another version of the estimator.
+    /// Checkpoint that another version of the estimator wrote.
     #[error("the checkpoint is of version {found}, this estimator reads version {wanted}")]
     Version {
         /// Version in the checkpoint.
@@ -58,17 +58,18 @@ pub enum CheckpointRefused {
 }
 
 impl Checkpoint {
-    /// Version of the layout that is written. A program that raises it has to store it as a new format as well:
-    /// an instance of the version before would else claim a robot whose state it cannot read.
+    /// Version of the layout that is written. A program that raises it has to store it as a new
+    /// format as well: an instance of the version before would otherwise claim a robot whose state
+    /// it cannot read.
     pub const VERSION: u32 = 9;
 }
 
 impl Calibrator {
-    /// An estimator that goes on from a checkpoint, under a new anchor and local map. Its session
-    /// goes on too, unless the robot's clock says otherwise.
+    /// Continues from a checkpoint, under a new anchor and local map. Its session continues too,
+    /// unless its next stamps begin another.
     ///
     /// # Errors
-    /// When the checkpoint is of another version.
+    /// Returns an error when the checkpoint is of another version.
     pub fn restore(
         config: CalibratorConfig,
         checkpoint: &Checkpoint,
@@ -108,7 +109,7 @@ impl Calibrator {
         Ok(restored)
     }
 
-    /// What has to be stored to go on later.
+    /// State that has to be stored to continue later.
     pub fn checkpoint(&self) -> Checkpoint {
         // What is measured from the anchor and the local map ends with them.
         let mut long_run = self.watch.long_run().clone();

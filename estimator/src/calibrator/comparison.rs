@@ -1,9 +1,11 @@
-//! Is this still the vehicle that was calibrated? A new session against the stored calibration.
+//! Comparison of a new session with the stored calibration: is this still the vehicle that was
+//! calibrated?
 //!
-//! After a power cycle or a reassembly the filter starts from scratch and knows nothing of what is stored; once
-//! the floor was found in its scans, it knows nothing of the four parameters that are compared.
-//! Once it has converged the two are compared, `d' (P_new + P_stored)^-1 d` with four degrees of
-//! freedom, *before* they are fused: a stored calibration that is fused first hides the change.
+//! After a power cycle or a reassembly the filter starts from scratch and knows nothing of the
+//! stored calibration; once the floor was found in its scans, it knows nothing of the four
+//! parameters that are compared. Once it has converged the two are compared,
+//! `d' (P_new + P_stored)^-1 d` with four degrees of freedom, *before* they are fused: a stored
+//! calibration that is fused first hides the change.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -22,39 +24,39 @@ pub(super) const COMPARED: [Parameter; 4] = [
     Parameter::LidarY,
     Parameter::LidarYaw,
 ];
-/// How far two calibrations of one vehicle may lie apart, as chi-squared.
+/// Largest differences between two calibrations of one vehicle, as chi-squared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Limits {
     /// All four together, 4 degrees of freedom.
     same: f64,
-    /// What is left when the steering zero is let go, 3 degrees of freedom.
+    /// Rest when the steering zero is let go, 3 degrees of freedom.
     without_steering: f64,
-    /// What is left when the mount is let go, 1 degree of freedom.
+    /// Rest when the mount is let go, 1 degree of freedom.
     without_mount: f64,
 }
 
-/// Of a new session and the stored calibration: exceeded once in 10,000 comparisons.
+/// Limits of a new session and the stored calibration: exceeded once in 10,000 comparisons.
 pub(super) const SESSIONS: Limits = Limits {
     same: 23.5,
     without_steering: 21.1,
     without_mount: 15.1,
 };
 
-/// Of one and the same session over time: exceeded once in ten million comparisons, for there is one
-/// a minute.
+/// Limits of one and the same session over time: exceeded once in ten million comparisons, for
+/// there is one a minute.
 pub(super) const DRIFT: Limits = Limits {
     same: 38.2,
     without_steering: 35.4,
     without_mount: 28.4,
 };
 
-/// Why a comparison was begun.
+/// Reason for which a comparison was begun.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Occasion {
     /// A new session: the stored calibration holds until it is contradicted.
     NewSession,
-    /// A person says that parts were off: nothing holds until it is found again.
+    /// Report by a person that parts were off: nothing holds until it is found again.
     Reassembled,
 }
 
@@ -64,16 +66,17 @@ pub(super) struct Comparison {
     pub occasion: Occasion,
     #[serde(with = "padded")]
     pub values: Values,
-    /// Its covariance, with what averaging cannot take away.
+    /// Its covariance, with the systematic errors that averaging cannot remove.
     #[serde(with = "padded")]
     pub covariance: ParameterCovariance,
-    /// Variances that are told on top of it: what no driving shows, as it was when this was stored.
+    /// Variances that are published on top of it: of errors that no driving shows, as they were
+    /// when this was stored.
     #[serde(default = "undriven_of_older", with = "padded")]
     pub undriven: Values,
 }
 
-/// What earlier checkpoints did not say: the speed may have been measured beside the axle's middle, which is
-/// `y` to the estimator.
+/// Variances that earlier checkpoints lack: the speed may have been measured beside the axle's
+/// middle, which is `y` to the estimator.
 fn undriven_of_older() -> Values {
     let mut variances = Values::zeros();
     variances[Parameter::LidarY.index()] = ENCODER_SIGMA_M.powi(2);
@@ -83,9 +86,9 @@ fn undriven_of_older() -> Values {
 /// The outcome.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Verdict {
-    /// Equal as far as the data tell.
+    /// Equal as far as the data show.
     Same,
-    /// Different: what moved.
+    /// Different, with the cause and the moved parameters.
     Changed(Cause, Vec<Parameter>),
 }
 
@@ -104,7 +107,7 @@ impl Comparison {
         }
     }
 
-    /// The same, told with no smaller variances than these.
+    /// The same, published with no smaller variances than these.
     #[must_use]
     pub fn told_with(mut self, covariance: &ParameterCovariance) -> Self {
         let more = covariance.diagonal() - self.covariance.diagonal();
@@ -117,7 +120,7 @@ impl Comparison {
         Claim::of_stored(self.values, &self.covariance, self.undriven, settings)
     }
 
-    /// The same without the uncertainties that [`Self::verdict`] does not ask for.
+    /// The same without the uncertainties that [`Self::verdict`] does not use.
     #[must_use]
     pub fn of_compared_alone(mut self) -> Self {
         let all = self.covariance;
@@ -132,7 +135,7 @@ impl Comparison {
         self
     }
 
-    /// Compares with what the new session has found.
+    /// Compares with the values that the new session has found.
     pub fn verdict(
         &self,
         values: &Values,
@@ -159,7 +162,7 @@ impl Comparison {
     }
 }
 
-/// Whether a new session knows enough for a comparison.
+/// True if a new session knows enough for a comparison.
 pub(super) fn knows_enough(covariance: &ParameterCovariance, settings: &EstimatorSettings) -> bool {
     COMPARED.iter().all(|&parameter| {
         let sigma = covariance[(parameter.index(), parameter.index())].sqrt();

@@ -6,7 +6,7 @@ use crate::geometry::Pose2;
 use crate::settings::EstimatorSettings;
 use crate::vehicle::Vehicle;
 
-/// What is known of a robot before it has driven.
+/// Knowledge of a robot before it has driven.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CalibratorConfig {
     /// The vehicle.

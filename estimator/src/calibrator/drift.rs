@@ -1,8 +1,9 @@
-//! Slow drift: is the calibration of now still that of some time ago?
+//! Slow drift: is the present calibration still that of some time ago?
 //!
-//! What moves by a tenth of a degree an hour no window of some metres can show, and the filter
-//! follows it. Once a minute its values are therefore held against those of when they were first
-//! known this well. The two share data, so the uncertainties that are added here are more than there are.
+//! A parameter that moves by a tenth of a degree an hour shows in no window of some metres, and the
+//! filter follows it. Once a minute its values are therefore compared with those of when they were
+//! first known this well. The two share data, so the uncertainties that are added here are more
+//! than there are.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,21 +15,21 @@ use crate::stream::{Effect, RobotTime};
 
 /// Time between two comparisons, s of message time.
 const EVERY_S: f64 = 60.0;
-/// A calibration with less than this share of the baseline's uncertainty becomes the new baseline.
+/// Share of the baseline's uncertainty below which a calibration becomes the new baseline.
 const CLOSER_SHARE: f64 = 0.6;
 
-/// The calibration that later ones are held against.
+/// The calibration that later ones are compared with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Baseline {
     calibration: Comparison,
-    /// When it was taken.
+    /// Time of the calibration.
     since: RobotTime,
-    /// When it was last held against a newer one.
+    /// Time of its last comparison with a newer one.
     compared: RobotTime,
 }
 
 impl Baseline {
-    /// Whether another is known so much better that this one should give way to it.
+    /// True if another is known so much better that this one should give way to it.
     fn is_poorer_than(&self, other: &Self, settings: &EstimatorSettings) -> bool {
         let uncertainty = |baseline: &Self| -> f64 {
             let covariance = &baseline.calibration.covariance;
@@ -43,7 +44,7 @@ impl Baseline {
 }
 
 impl Calibrator {
-    /// Holds the filter's values against the baseline, and says so when they have drifted away.
+    /// Compares the filter's values with the baseline, and reports when they have drifted away.
     pub(super) fn check_drift(&mut self, effects: &mut Vec<Effect>) {
         let now = self.session.now;
         let is_due = self

@@ -1,4 +1,4 @@
-//! From LiDAR poses to the filter: its start, its way, and its return to before a change.
+//! Following of LiDAR poses by the filter: its start, its way, and its return to before a change.
 
 use super::comparison::{COMPARED, Comparison, Occasion, SESSIONS, Verdict, knows_enough};
 use super::session::AT_REST_MPS;
@@ -18,31 +18,32 @@ use crate::vehicle::SteeringResponse;
 
 /// Most LiDAR poses kept: an hour of them is not needed for a first guess.
 const READINGS_MAX: usize = 1200;
-/// A new guess is tried after this many new readings.
+/// New readings after which a new guess is tried,
 const GUESS_EVERY: usize = 5;
-/// But not before this share of all readings is new: a robot that only circles tells no more by a few.
+/// but not before this share of all readings is new: of a robot that only circles a few show no
+/// more.
 const GUESS_SHARE: usize = 16;
 
-/// No LiDAR is farther from the rear axle than this many wheelbases,
+/// Largest distance of a LiDAR from the rear axle, in wheelbases,
 const MOUNT_REACH_WHEELBASES: f64 = 2.0;
-/// and this, m.
+/// plus this, m.
 const MOUNT_REACH_M: f64 = 2.0;
 
 /// A LiDAR pose waiting for its drive samples.
 #[derive(Debug, Clone)]
 pub(super) struct Waiting {
     pub reading: OdometryReading,
-    /// Whether the odometry does not know its way there.
+    /// True if the odometry does not know its way there.
     pub is_guess: bool,
-    /// Whether poses before it do not compare with it.
+    /// True if poses before it do not compare with it.
     pub restarted: bool,
-    /// Whether that is so because the map is a new one.
+    /// True if that is so because tracking restarted in a new map.
     pub in_new_map: bool,
 }
 
 impl Calibrator {
-    /// The filter begins again from the next pose. In a new map poses before do not compare with
-    /// those to come; found again in the same one, they tell whether the robot was carried away.
+    /// Begins the filter again from the next pose. In a new map poses before do not compare with
+    /// those to come; found again in the same one, they show whether the robot was carried away.
     pub(super) fn begin_again(&mut self, in_new_map: bool) {
         self.forget_readings();
         if in_new_map {
@@ -53,7 +54,7 @@ impl Calibrator {
         }
     }
 
-    /// Takes a LiDAR pose whose drive samples are there.
+    /// Follows a LiDAR pose whose drive samples are there.
     pub(super) fn follow(&mut self, waiting: &Waiting, effects: &mut Vec<Effect>) {
         if waiting.restarted {
             self.begin_again(waiting.in_new_map);
@@ -104,7 +105,7 @@ impl Calibrator {
         }
     }
 
-    /// Whether a filter's mount is one that a robot can have.
+    /// True if a filter's mount is one that a robot can have.
     fn can_be(&self, filter: &Filter) -> bool {
         let [x_m, y_m] = [Parameter::LidarX, Parameter::LidarY].map(|p| filter.values()[p.index()]);
         let nominal_m = self
@@ -115,7 +116,7 @@ impl Calibrator {
         x_m.hypot(y_m) < reach_m + nominal_m
     }
 
-    /// What was learnt cannot be: the filter begins from nothing.
+    /// Gives up a filter whose values are impossible: the next begins from nothing.
     pub(super) fn give_up(&mut self) {
         self.follower = None;
         self.baseline = None;
@@ -123,10 +124,11 @@ impl Calibrator {
         self.watch.restart();
     }
 
-    /// The poses of late were misled: the filter begins from nothing. Where that was by the floor, a
-    /// calibration that was known is found again and held against what it was: its LiDAR may have been
-    /// knocked just now. What the vehicle does beyond its calibration was learnt over all its way and stays:
-    /// a filter that begins while the robot drives often finds other values, and stays with them.
+    /// Forgets what misled poses taught: the filter begins from nothing. Where the floor misled
+    /// them, a known calibration is found again and compared with its former values: its LiDAR may
+    /// have been knocked just now. The vehicle's parameters beyond its calibration were learnt over
+    /// all its way and stay: a filter that begins while the robot drives often finds other values,
+    /// and stays with them.
     pub(super) fn unlearn(&mut self, by: MisledBy) {
         self.waiting.clear();
         let knows =
@@ -157,7 +159,7 @@ impl Calibrator {
         self.trust = Trust::default();
     }
 
-    /// What a filter knows: its values, and the covariance that they are compared by.
+    /// Knowledge of a filter: its values, and the covariance that they are compared by.
     pub(super) fn known_of(&self, filter: &Filter) -> (Values, ParameterCovariance) {
         let known = self.watch.long_run().known(filter);
         let scatter = self.watch.long_run().scatter(&known.covariance);
@@ -190,7 +192,7 @@ impl Calibrator {
         }
     }
 
-    /// Before the filter has started: guess, and start from the first of the readings.
+    /// Looks for the filter's start: guesses, and starts from the first of the readings.
     fn seek_start(&mut self) {
         self.since_guess += 1;
         if self.since_guess < GUESS_EVERY.max(self.readings.len() / GUESS_SHARE) {
@@ -214,7 +216,7 @@ impl Calibrator {
         self.follow_again(Follower::new(filter), None);
     }
 
-    /// Whether the robot has driven ever since the first of the readings.
+    /// True if the robot has driven ever since the first of the readings.
     fn drove_throughout(&self) -> bool {
         let speed_mps = |reading: &OdometryReading| {
             let response = SteeringResponse::default();
@@ -239,7 +241,7 @@ impl Calibrator {
         }
     }
 
-    /// Something failed: the filter is as it was before, and waits until it is over.
+    /// Sets the filter back to before a fault, and waits until that is over.
     fn fail(&mut self, detected: &Detected, effects: &mut Vec<Effect>) {
         let mut filter = detected.filter_before.clone();
         filter.lose_anchor();
@@ -255,9 +257,9 @@ impl Calibrator {
         self.report(detected.kind, detected.cause, onset_s, &[], effects);
     }
 
-    /// The vehicle has changed: go back to before the onset, open what moved, and follow again, so
-    /// that nothing which was absorbed since then stays in the other parameters. While a reassembly is open
-    /// nothing is reported: its verdict says what has moved since before it.
+    /// Goes back to before the onset of a change, opens the moved parameters, and follows again, so
+    /// that nothing which was absorbed since then stays in the other parameters. While a reassembly
+    /// is open nothing is reported: its verdict includes all that has moved since before it.
     fn change(&mut self, detected: &Detected, effects: &mut Vec<Effect>) {
         let (onset, after_onset) = detected.onset;
         self.baseline = None;
@@ -279,8 +281,8 @@ impl Calibrator {
         }
     }
 
-    /// Starts the filter from scratch, to be compared with what is known so far. The floor's caller puts the
-    /// filter back in its place, with what is compared opened.
+    /// Starts the filter from scratch, to be compared with the present knowledge. The floor's
+    /// caller puts the filter back in its place, with the compared parameters opened.
     pub(super) fn begin_comparison(&mut self, occasion: Occasion) {
         if let Some(follower) = self.follower.take() {
             let filter = &follower.filter;
@@ -308,8 +310,9 @@ impl Calibrator {
         self.watch.restart();
     }
 
-    /// Holds the new session against the stored calibration, once it knows enough. Who reports a
-    /// reassembly of a robot without one learns then that there is nothing to compare with.
+    /// Compares the new session with the stored calibration, once it knows enough. For a reported
+    /// reassembly of a robot without one, the verdict is then that there is nothing to compare
+    /// with.
     fn compare(&mut self, effects: &mut Vec<Effect>) {
         let Some(filter) = self.filter() else {
             return;
@@ -347,7 +350,7 @@ impl Calibrator {
         }
     }
 
-    /// Says how far the last change went as soon as that is known, where it could not be said at
+    /// Publishes the amount of the last change as soon as it is known, where it was not known at
     /// first.
     pub(super) fn size_change(&mut self, now: &ParameterEstimates, effects: &mut Vec<Effect>) {
         let Some(change) = self.session.last_change() else {
@@ -395,7 +398,7 @@ impl Calibrator {
     }
 }
 
-/// Whether all that a change moved is known again.
+/// True if all parameters that a change moved are known again.
 fn are_known(change: &Change, now: &ParameterEstimates) -> bool {
     let is_open = |(parameter, _): &(Parameter, f64)| {
         let status = now[parameter.index()].status;

@@ -45,13 +45,13 @@ use crate::stream::{
 };
 use crate::trust::{Grounds, Trust};
 
-/// How far back drive samples and LiDAR poses are kept, s.
+/// Time for which drive samples and LiDAR poses are kept, s.
 const HISTORY_S: f64 = 60.0;
 /// Most LiDAR poses waiting for the drive samples of their time.
 const WAITING_MAX: usize = 64;
-/// A robot that was silent for longer has been out of sight, and may come back another, s.
+/// Silence after which a robot has been out of sight, and may come back another, s.
 const NEW_SESSION_GAP_S: f64 = 600.0;
-/// An estimate is told once in this much message time, s.
+/// Message time between two published estimates, s.
 const TELL_EVERY_S: f64 = 1.0;
 
 /// One robot's estimator.
@@ -74,11 +74,11 @@ pub struct Calibrator {
     failed_pass: Option<Box<SecondPass>>,
     /// Mount (x, y, yaw) of a filter that began again, because its poses had been misled.
     former_mount: Option<nalgebra::Vector3<f64>>,
-    /// The stored calibration, while a new session has not been held against it.
+    /// The stored calibration, until a new session has been compared with it.
     comparison: Option<Comparison>,
     /// True if somebody has reported a reassembly, and nothing was found since.
     reassembly_open: bool,
-    /// What the calibration of now is held against, to see slow drift.
+    /// Calibration that the present one is compared with, to detect slow drift.
     baseline: Option<Baseline>,
     session: Session,
     trust: Trust,
@@ -127,7 +127,7 @@ impl Calibrator {
         self
     }
 
-    /// What was learnt of the scanner, to be handed to another estimator of this robot.
+    /// Knowledge of the scanner, for another estimator of this robot.
     pub fn learnt_scanner(&self) -> LearntScanner {
         self.lidar_odometry.learnt_scanner()
     }
@@ -137,8 +137,9 @@ impl Calibrator {
         &self.config
     }
 
-    /// Takes one event, in any order inside the merger's window, and says what has to be done. A note is
-    /// taken where it comes, whatever its stamp: what people say is never dropped for that.
+    /// Processes one event, in any order inside the merger's window, and returns what has to be
+    /// done. A note is processed where it arrives, whatever its stamp: people's notes are never
+    /// dropped for that.
     pub fn step(&mut self, event: Event) -> Vec<Effect> {
         let ends = event == Event::EndOfSession;
         // Work that takes nothing apart is only remembered by people.
@@ -166,7 +167,7 @@ impl Calibrator {
         effects
     }
 
-    /// Up to where it has taken the robot's messages.
+    /// Position up to which it has processed the robot's messages.
     pub fn position(&self) -> MergerPosition {
         self.merger.position()
     }
@@ -186,8 +187,8 @@ impl Calibrator {
         self.follower.as_ref().map(|follower| &follower.filter)
     }
 
-    /// What is known of the scanner: when its beams are taken, how far its ranges are off, and where it
-    /// sees the floor.
+    /// Knowledge of the scanner: the times of its beams, the errors of its ranges, and its line of
+    /// the floor.
     pub fn scanner(&self) -> ScannerReport {
         self.lidar_odometry.scanner()
     }
@@ -202,12 +203,12 @@ impl Calibrator {
         self.session.segments_with(self.estimate().parameters)
     }
 
-    /// Every manoeuvre of the library with what it would add for this robot now.
+    /// Every manoeuvre of the library with the knowledge that it would add for this robot now.
     pub fn advice(&self) -> Vec<Advice> {
         self.with_knowledge(advise)
     }
 
-    /// What the robot should drive next: the manoeuvres that fit on the floor, the best first.
+    /// Manoeuvres that the robot should drive next: those that fit on the floor, the best first.
     pub fn next_manoeuvres(&self, floor: Option<Floor>) -> Vec<Ranked> {
         self.with_knowledge(|knowledge| rank(knowledge, floor))
     }
@@ -243,7 +244,8 @@ impl Calibrator {
         effects.push(Effect::SessionStarted(stamp));
     }
 
-    /// The robot may be another one now, in another place: poses and map of before tell nothing of after.
+    /// Begins after a long absence: the robot may be another one now, in another place, and poses
+    /// and map from before mean nothing after it.
     fn come_back(&mut self, occasion: Occasion) {
         self.waiting.clear();
         self.lidar_odometry.begin_anew();
@@ -406,7 +408,7 @@ impl Calibrator {
     }
 
     /// The claim about the vehicle now: a stored calibration holds until it is contradicted, unless
-    /// somebody said that the vehicle was taken apart.
+    /// somebody reported that the vehicle was taken apart.
     fn claim(&self) -> Claim {
         let settings = &self.config.settings;
         match (self.held(), self.filter()) {
@@ -476,7 +478,7 @@ impl Calibrator {
         })
     }
 
-    /// Which changes would be seen now.
+    /// State of detection for each cause.
     fn detection(&self) -> Detection {
         if self.held().is_some() || self.follower.is_none() {
             return Detection::of_all(DetectionState::FirstEstimate);
@@ -499,7 +501,7 @@ impl Calibrator {
         Parameter::ALL.map(|p| self.held().is_none() && self.watch.is_blind(p))
     }
 
-    /// The parameters as a filter of this session saw them.
+    /// The parameters as judged for a filter of this session.
     fn judge_filter(&self, filter: &Filter) -> ParameterEstimates {
         self.judge(&mut self.trust.clone(), &self.claim_of(filter))
     }

@@ -4,14 +4,14 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::lidar_odometry::OdometryPose;
 
-/// A pose that is known no better along some direction is a guess, m (one sigma).
+/// Sigma along some direction from which a pose is a guess, m.
 const GUESS_SIGMA_M: f64 = 0.05;
-/// How well the LiDAR knows its way along a direction that the scene leaves open, m (one sigma).
+/// Sigma of the LiDAR's way along a direction that the scene leaves open, m.
 const OPEN_SIGMA_M: f64 = 10.0;
-/// A robot that has driven this far on guesses has lost its odometry, m.
+/// Way on guesses after which a robot has lost its odometry, m.
 const LOST_AFTER_M: f64 = 5.0;
 
-/// How far a robot has driven since its LiDAR odometry knew its way.
+/// Way of a robot since its LiDAR odometry knew its way.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct OdometryWatch {
     /// Distance (m) and time (s) of the session when it knew its way last.
@@ -20,8 +20,8 @@ pub(super) struct OdometryWatch {
 }
 
 impl OdometryWatch {
-    /// Notes a scan at this distance (m) and time (s) of the session. When the odometry becomes lost
-    /// with it, gives the time since when.
+    /// Notes a scan at this distance (m) and time (s) of the session. When the odometry becomes
+    /// lost with it, returns the time since when.
     pub fn note(&mut self, is_guess: bool, distance_m: f64, time_s: f64) -> Option<f64> {
         let (last_m, last_s) = *self.last_known.get_or_insert((distance_m, time_s));
         if !is_guess || distance_m < last_m {
@@ -36,21 +36,21 @@ impl OdometryWatch {
         becomes_lost.then_some(last_s)
     }
 
-    /// Whether it was told that the odometry is lost, and it still is.
+    /// True if it was reported that the odometry is lost, and it still is.
     pub fn is_told(self) -> bool {
         self.is_told
     }
 }
 
-/// Whether a pose is not known along some direction.
+/// True if a pose is not known along some direction.
 pub(super) fn is_guess(pose: &OdometryPose) -> bool {
     let position = pose.covariance.fixed_view::<2, 2>(0, 0).into_owned();
     let variance_m2 = position.symmetric_eigenvalues().max();
     pose.unconstrained_rad.is_some() || variance_m2 > GUESS_SIGMA_M * GUESS_SIGMA_M
 }
 
-/// What is not known of a pose whose scene leaves a direction (rad, in the LiDAR's frame) open: the
-/// way along it is wrong for as long as the direction is open, and not from scan to scan.
+/// Covariance of a pose whose scene leaves a direction (rad, in the LiDAR's frame) open: the way
+/// along it is wrong for as long as the direction is open, and not from scan to scan.
 pub(super) fn of_open_direction(unconstrained_rad: Option<f64>) -> Matrix3<f64> {
     unconstrained_rad.map_or_else(Matrix3::zeros, |along_rad| {
         let (sin, cos) = along_rad.sin_cos();

@@ -1,4 +1,4 @@
-//! A filter that begins while the robot drives takes its first readings twice.
+//! Second pass over the first readings of a filter that begins while the robot drives.
 //!
 //! From rest, lag, play and curve of the steering show one after the other as the robot sets off. On the way
 //! all of them are wrong at once: the filter linearises far from where it arrives and stays with what it
@@ -7,11 +7,12 @@
 //! a second step of Gauss-Newton over these readings. The prior's mean moves along: where a parameter was
 //! learnt to three quarters, its variance comes out up to a tenth too small.
 //!
-//! The first guess was made of the first few readings. Where the odometry had not found its way by then, as may
-//! be with a scanner that sees the floor, the mount came out metres away, and the filter does not come back from
-//! there. So the pass also begins at a guess by the later readings, where that is another mount, and the filter
-//! begins from nothing where wheels and LiDAR were taken to disagree, a fault, before it was passed twice. A map
-//! that begins again, or a restart, loses the pass.
+//! The first guess was made of the first few readings. Where the odometry had not found its way by
+//! then, as may be with a scanner that sees the floor, the mount came out metres away, and the
+//! filter does not come back from there. So the pass also begins at a guess by the later readings,
+//! where that is another mount, and the filter begins from nothing where a fault, a disagreement of
+//! wheels and LiDAR, was found before it was passed twice. A map that begins again, or a restart,
+//! loses the pass.
 
 use super::following::with_nominal;
 use super::session::is_at_rest;
@@ -24,28 +25,29 @@ use crate::filter::{Filter, OdometryReading, STEERING_PLAY, apart};
 use crate::initial_guess::{agrees_with, initial_guess};
 use crate::stream::RobotTime;
 
-/// The pass is due after this way, m: 40 s at 0.3 m/s, less than the drive's history.
+/// Way after which the pass is due, m: 40 s at 0.3 m/s, less than the drive's history.
 const WAY_M: f64 = 12.0;
-/// No pass is taken over readings of less than this way, m: of a robot that waited, the others are gone.
+/// Shortest way of readings that a pass is made over, m: of a robot that waited, the others are
+/// gone.
 const WAY_MIN_M: f64 = 6.0;
-/// The wheels follow what was steered up to so long before, s: a strong lag, and the spread of its
+/// Time for which the wheels follow earlier steering, s: a strong lag, and the spread of its
 /// response.
 const STEERED_BEFORE_S: f64 = 1.0;
 
 /// A pass that is due when the robot has driven some way.
 #[derive(Debug, Clone)]
 pub(super) struct SecondPass {
-    /// What the first pass began with.
+    /// Prior of the first pass.
     prior: Prior,
-    /// How far windows erred together before it.
+    /// Scatter of the windows before it.
     long_run: LongRunVariance,
     /// Way of the session at which it is due, m.
     due_m: f64,
 }
 
 impl Calibrator {
-    /// Whether the drive says how the wheels were steered before a time. Of a robot that drove already when
-    /// its first sample came nothing is known from before that.
+    /// True if the drive shows how the wheels were steered before a time. For a robot that drove
+    /// already when its first sample arrived nothing is known from before that.
     pub(super) fn knows_steering_before(&self, stamp: RobotTime) -> bool {
         self.drive.oldest().is_some_and(|oldest| {
             let since_s = stamp.seconds_since(oldest.stamp());
@@ -136,12 +138,13 @@ impl Calibrator {
         follower
     }
 
-    /// Whether the filter is one that others may be held against: it has been passed twice, or need not be.
+    /// True if others may be compared with the filter: it has been passed twice, or need not be.
     pub(super) fn is_proven(&self) -> bool {
         self.second_pass.is_none() && self.failed_pass.is_none()
     }
 
-    /// A filter that met a fault before its second pass is given up, with what windows told of its scatter.
+    /// Gives up a filter that met a fault before its second pass, with the scatter that its windows
+    /// showed.
     pub(super) fn give_up_unproven(&mut self) {
         if let Some(pass) = self.failed_pass.take() {
             self.give_up();
@@ -157,13 +160,15 @@ impl Calibrator {
     }
 }
 
-/// How badly a filter fits what it followed: how many times larger the noise (as a variance) turned out.
+/// Misfit of a filter to the readings that it followed: the factor by which the noise (as a
+/// variance) turned out larger.
 fn misfit(follower: &Follower) -> f64 {
     follower.filter.noise_scale()
 }
 
-/// A prior whose values lie between its own and those that a filter has found from it, each by the share of its
-/// variance that is gone: what no reading shows yet only wanders, and would wander on. No play is negative.
+/// A prior whose values lie between its own and those that a filter has found from it, each by the
+/// share of its variance that is gone: a parameter that no reading shows yet only wanders, and
+/// would wander on. No play is negative.
 fn as_far_as_learnt(prior: &Prior, filter: &Filter) -> Prior {
     let before = prior.covariance.diagonal();
     let left = filter.parameter_covariance().diagonal();

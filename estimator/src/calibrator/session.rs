@@ -12,22 +12,24 @@ use crate::filter::{Values, apart, padded};
 use crate::stream::{DriveSample, Dropped, RobotTime};
 use crate::vehicle::Vehicle;
 
-/// A robot slower than this stands, m/s.
+/// Speed below which a robot stands, m/s.
 pub(super) const AT_REST_MPS: f64 = 0.02;
-/// A start is one after so long a rest, s: a speed of zero in between is a glitch of the encoder.
+/// Shortest rest before a start, s: a speed of zero for less is a glitch of the encoder.
 const REST_MIN_S: f64 = 0.15;
 /// Samples over which the share of impossible steering angles is averaged: 10 s at 50 Hz.
 const IMPOSSIBLE_STEERING_WINDOW: f64 = 500.0;
-/// Above this share nothing is believed: a single sample, a fault of the encoder, stays below it.
+/// Largest share at which values are believed: a single sample, a fault of the encoder, stays
+/// below it.
 const IMPOSSIBLE_STEERING_SHARE_MAX: f64 = 0.005;
-/// Readings over which the mean NIS is taken.
+/// Readings over which NIS is averaged.
 const NIS_WINDOW: usize = 200;
 /// Most changes kept of a session.
 const CHANGES_MAX: usize = 64;
-/// Most of them in a checkpoint, the latest: each takes some 190 bytes, and 10 kB are there for all.
+/// Most of them in a checkpoint, the latest: each needs some 190 bytes, and 10 kB are there for
+/// all.
 const CHANGES_STORED_MAX: usize = 5;
 
-/// Whether a sample says that the robot stands.
+/// True if the robot stands according to a sample.
 pub(super) fn is_at_rest(sample: &DriveSample) -> bool {
     sample.speed_mps().abs() <= AT_REST_MPS
 }
@@ -40,20 +42,21 @@ pub(super) struct Session {
     pub distance_m: f64,
     pub counts: Counts,
     pub excitation: Excitation,
-    /// In single precision, which is plenty for a mean: they are a tenth of a checkpoint.
+    /// NIS of recent updates, in single precision, which is plenty for a mean: they are a tenth of
+    /// a checkpoint.
     recent_nis: VecDeque<f32>,
     pub changes: Vec<Change>,
     pub segments: Vec<Segment>,
-    /// The parameters before the last change, to say how far they moved.
+    /// The parameters before the last change, from which its amount is computed.
     #[serde(default, with = "padded")]
     values_before: Option<Values>,
-    /// Whether it was not said yet how far the last change went.
+    /// True if the amount of the last change is not published yet.
     #[serde(default)]
     pub unsized_change: bool,
-    /// Whether the robot drove when the filter began, and has not started from rest since.
+    /// True if the robot drove when the filter began, and has not started from rest since.
     #[serde(default)]
     pub began_in_motion: bool,
-    /// Since when it stands.
+    /// Time since which it stands.
     #[serde(default)]
     at_rest_since: Option<RobotTime>,
     /// Share of recent drive samples with a steering angle that the vehicle cannot have.
@@ -70,7 +73,7 @@ impl Session {
         }
     }
 
-    /// What a checkpoint has of it.
+    /// Part of it that a checkpoint holds.
     pub fn stored(&self) -> Self {
         let mut stored = self.clone();
         let earlier = stored.changes.len().saturating_sub(CHANGES_STORED_MAX);
@@ -89,7 +92,7 @@ impl Session {
         self.seconds_to(self.now)
     }
 
-    /// Whether what is sent as steering angle is often none that the vehicle can have.
+    /// True if the steering angles that are sent are often impossible for the vehicle.
     pub fn has_impossible_steering(&self) -> bool {
         self.impossible_steering_share > IMPOSSIBLE_STEERING_SHARE_MAX
     }
@@ -116,7 +119,7 @@ impl Session {
         }
     }
 
-    /// What the filter learnt does not count, and neither does what was counted or told of it.
+    /// Forgets what was counted and published of a filter that does not count.
     pub fn unlearn(&mut self) {
         self.excitation = Excitation::default();
         self.recent_nis.clear();
@@ -154,7 +157,7 @@ impl Session {
         }
     }
 
-    /// Where the current stretch of an unchanged vehicle began, s.
+    /// Start of the current stretch of an unchanged vehicle, s.
     fn segment_from_s(&self) -> f64 {
         self.segments.last().map_or(0.0, |segment| segment.to_s)
     }
@@ -195,7 +198,7 @@ impl Session {
         }
     }
 
-    /// Says again how far the parameters of the last change have moved: it is known ever better.
+    /// Updates the amounts of the last change: they are known ever better.
     pub fn update_last_change(&mut self, values: &Values) {
         let is_change = |change: &&mut Change| change.kind == ChangeKind::CalibrationChanged;
         let last = self.changes.iter_mut().rev().find(is_change);

@@ -1,4 +1,4 @@
-//! The top view of a robot, for people: what is around it, and the way it came.
+//! The top view of a robot, for people: its surroundings, and its way so far.
 
 use nalgebra::Vector3;
 
@@ -12,7 +12,7 @@ use crate::settings::Freedom;
 use crate::stream::RobotTime;
 use crate::vehicle::{DriveParameters, SteeringCurve, SteeringResponse, Vehicle};
 
-/// How much of it is asked for.
+/// Limits of a requested top view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TopViewLimits {
     /// Surfaces at most this far from the LiDAR, m.
@@ -36,23 +36,23 @@ pub struct TopView {
     pub surroundings: Option<Surroundings>,
     /// The LiDAR's pose on the vehicle as it is estimated; `None` before the first guess.
     pub lidar_in_base: Option<Pose2>,
-    /// How the rear axle came here, oldest first; empty before the first guess.
+    /// Way of the rear axle so far, oldest first; empty before the first guess.
     pub trajectory: Vec<TrajectoryPoint>,
     /// Length of the trajectory, m by the wheels.
     pub distance_m: f64,
 }
 
-/// The rear axle at one time. The trajectories of the two steerings begin where the LiDAR says and
+/// The rear axle at one time. The trajectories of the two steerings begin at the LiDAR's pose and
 /// are nothing but speed and steering from there. They differ in steering offset and gain alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrajectoryPoint {
     /// The time, of the LiDAR.
     pub stamp: RobotTime,
-    /// By LiDAR odometry and the estimated mount.
+    /// Pose by LiDAR odometry and the estimated mount.
     pub by_lidar: Pose2,
-    /// By the steering as it was measured.
+    /// Pose by the measured steering.
     pub by_raw_steering: Pose2,
-    /// By the steering with the estimated offset taken off.
+    /// Pose by the steering less its estimated offset.
     pub by_corrected_steering: Pose2,
 }
 
@@ -81,7 +81,7 @@ impl Calibrator {
         })
     }
 
-    /// The values that an estimate tells of; `None` while it only has its prior.
+    /// The values of a published estimate; `None` while it only has its prior.
     fn told_values(&self) -> Option<&Values> {
         match self.held() {
             Some(held) => Some(&held.values),
@@ -137,8 +137,8 @@ impl Calibrator {
         (distance_m, points)
     }
 
-    /// From reading to reading over the last stretch without a gap, the newest first, until
-    /// `length_m` is reached; and its length.
+    /// Intervals from reading to reading over the last stretch without a gap, the newest first,
+    /// until `length_m` is reached; and their length.
     fn last_stretch(&self, values: &Values, length_m: f64) -> (f64, Vec<Interval<'_>>) {
         let limit_s = self.config.settings.time_offset_max_s;
         let offset_s = values[Parameter::TimeOffset.index()].clamp(-limit_s, limit_s);
@@ -179,7 +179,7 @@ struct Interval<'a> {
 }
 
 impl TrajectoryPoint {
-    /// Where all of them begin.
+    /// Begins all trajectories at a reading.
     fn at(reading: &OdometryReading, base_from_lidar: &Pose2) -> Self {
         let base_in_odom = reading.lidar_in_odom.compose(base_from_lidar);
         Self {

@@ -1,4 +1,4 @@
-//! A block: windows without a gap between them, taken as one.
+//! A block: windows without a gap between them, as one.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -8,31 +8,32 @@ use crate::filter::constraint::ByParameters;
 use crate::filter::{Values, apart, padded};
 use crate::stream::RobotTime;
 
-/// Mean squared residual of a block's windows beyond which the filter strays: five times what is expected, of
-/// 30 degrees of freedom (15 in a half block). One wild window is enough.
+/// Mean squared residual of a block's windows beyond which the filter strays: five times the
+/// expected one, with 30 degrees of freedom (15 in a half block). One wild window is enough.
 const SURPRISE_MAX: f64 = 15.0;
 
 /// Windows without a gap between them, as one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Block {
     end: RobotTime,
-    /// The parameters that the residual is by. A checkpoint holds no unfinished block; one of an earlier
-    /// estimator would not name them.
+    /// The parameters that the residual is by. A checkpoint holds no unfinished block; one of an
+    /// earlier estimator would not name them.
     #[serde(default, with = "padded")]
     values: Option<Values>,
     residual: Vector3<f64>,
     /// The residual by the parameters as they were known when each window was counted.
     #[serde(default)]
     residual_as_told: Vector3<f64>,
-    /// Sum of the squared residuals of its windows, each as the filter expected it before it took the window.
+    /// Sum of the squared residuals of its windows, each as the filter expected it before the
+    /// window.
     #[serde(default)]
     surprise: f64,
-    /// Of the residual by the parameters.
+    /// Derivatives of the residual by the parameters.
     #[serde(deserialize_with = "padded::columns")]
     pub jacobian: ByParameters,
-    /// Of the motion, and of the pose at its beginning.
+    /// Covariance of the motion, and of the pose at its beginning.
     pub covariance: Matrix3<f64>,
-    /// How many they are.
+    /// Number of the windows.
     pub windows: usize,
 }
 
@@ -52,8 +53,9 @@ impl Block {
         }
     }
 
-    /// The LiDAR pose between two windows is in both and cancels. All windows are held against the same
-    /// parameters: while these are still found, they move by more than a block errs.
+    /// Extends the block by a window: the LiDAR pose between two windows is in both and cancels.
+    /// All windows are compared with the same parameters: while these are still found, they move by
+    /// more than a block errs.
     pub fn extended(&self, window: &Window, values: &Values, surprise: f64) -> Option<Self> {
         let before = self.values.filter(|_| self.end == window.begin)?;
         let residual = self.residual + self.jacobian * apart(&before, values);
@@ -70,8 +72,8 @@ impl Block {
         })
     }
 
-    /// What it errs by. A filter that its windows surprise strays, surer of itself than it may be: that the
-    /// parameters moved while the windows were counted is scatter then, too.
+    /// Error of the block. A filter that its windows surprise strays, surer of itself than it may
+    /// be: the motion of the parameters while the windows were counted is scatter then, too.
     pub fn error(&self) -> &Vector3<f64> {
         if self.surprise > SURPRISE_MAX * self.windows as f64 {
             &self.residual_as_told

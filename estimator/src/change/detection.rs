@@ -1,9 +1,10 @@
-//! Could a change be seen now? Whether each cause is watched, and what detection waits for if not.
+//! Detection of each cause: could a change be seen now, and what does it wait for if not?
 //!
-//! A cause is watched while its parameters are known well enough to be held against, and while the
-//! smallest change that matters would speak louder than the scatter of this very robot: with the
-//! information `M` of the motion so far, a change by `d` is expected to give the evidence of the score
-//! `M d`. Where that would be too little even for a robot that does not scatter, it is motion that is missing.
+//! A cause is watched while its parameters are known well enough to compare with, and while the
+//! smallest change that matters would stand out from the scatter of this very robot: with the
+//! information `M` of the motion so far, a change by `d` is expected to give the evidence of the
+//! score `M d`. Where that would be too little even for a robot that does not scatter, the missing
+//! part is motion.
 
 pub use fleetcal_model::DetectionState;
 
@@ -12,15 +13,17 @@ use crate::estimate::Parameter;
 use crate::filter::ParameterCovariance;
 use crate::settings::EstimatorSettings;
 
-/// A filter that knows the parameters to this many times their limits can judge.
+/// Multiple of their limits within which the parameters of a filter that can judge are known.
 const JUDGE_SIGMA_FACTOR: f64 = 2.0;
-/// A cause that is watched stays so until it is this much (as a standard deviation) less visible.
+/// Factor (of a standard deviation) by which a watched cause must become less visible before it is
+/// not watched.
 const WATCHED_HYSTERESIS: f64 = 1.5;
 
 /// Windows, some 20 m, in which a change has to be seen.
 const BLIND_WINDOWS: usize = 50;
 
-/// What a cause is held against: its own parameters, and the yaw that a steering zero is told from.
+/// Parameters that have to be known to watch a cause: its own, and the yaw that a steering zero is
+/// distinguished from.
 fn has_to_be_known(hypothesis: &Hypothesis) -> impl Iterator<Item = Parameter> {
     let angles = [Parameter::SteeringOffset, Parameter::LidarYaw];
     hypothesis.parameters.iter().copied().chain(angles)
@@ -38,7 +41,7 @@ fn is_known(
     })
 }
 
-/// For each cause, whether its parameters are known well enough to be held against.
+/// Determines for each cause whether its parameters are known well enough to compare with.
 pub fn known_causes(
     covariance: &ParameterCovariance,
     settings: &EstimatorSettings,
@@ -48,24 +51,25 @@ pub fn known_causes(
         .map(|hypothesis| is_known(hypothesis, covariance, settings, JUDGE_SIGMA_FACTOR))
 }
 
-/// Which causes are watched.
+/// Visibility of a change by each cause.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Visibility {
-    /// Whether the parameters of each cause are known; none while that was not asked yet.
+    /// True for each cause whose parameters are known; `None` before the first check.
     known: Option<[bool; CAUSES]>,
     /// The most evidence that the smallest change would have given so far, for each cause.
     evidence: [Option<f64>; CAUSES],
     visible: [bool; CAUSES],
-    /// Whether the motion so far would have been enough for a robot that does not scatter.
+    /// True for each cause if the motion so far would have been enough for a robot that does not
+    /// scatter.
     moved_enough: [bool; CAUSES],
 }
 
-/// What the motion of the last windows promises for each cause.
+/// Evidence that the motion of the last windows promises for each cause.
 #[derive(Debug, Clone, Copy)]
 pub struct Prospect {
     /// Evidence that the smallest change is expected to give.
     pub expected: [f64; CAUSES],
-    /// Evidence that it takes.
+    /// Evidence that a change needs.
     pub required: [f64; CAUSES],
 }
 
@@ -76,7 +80,7 @@ impl Prospect {
 }
 
 impl Visibility {
-    /// Notes how well the parameters are known that changes are held against from now on.
+    /// Notes how well the parameters that changes are compared with from now on are known.
     pub fn know(&mut self, covariance: &ParameterCovariance, settings: &EstimatorSettings) {
         let before = self.known.unwrap_or_default();
         self.known = Some(std::array::from_fn(|i| {
@@ -89,10 +93,10 @@ impl Visibility {
         }));
     }
 
-    /// Notes what the motion of now promises of this robot, and what it would promise of one that does not
+    /// Notes the prospect of this robot by its recent motion, and that of one that does not
     /// scatter.
     ///
-    /// Few windows cannot tell that a change would not be seen: more will show more.
+    /// With few windows, too little evidence is not yet a verdict.
     pub fn see(&mut self, windows: usize, of_this_robot: &Prospect, without_scatter: &Prospect) {
         for (i, hypothesis) in HYPOTHESES.iter().enumerate() {
             self.moved_enough[i] |= without_scatter.is_enough(i);
@@ -116,22 +120,22 @@ impl Visibility {
         }
     }
 
-    /// Whether any cause is known well enough to be watched.
+    /// True if any cause is known well enough to be watched.
     pub fn knows_any(&self) -> bool {
         self.known.is_some_and(|known| known.contains(&true))
     }
 
-    /// Whether the parameters of a cause are too little known to be held against.
+    /// True if the parameters of a cause are too little known to compare with.
     fn is_unknown(&self, cause: usize) -> bool {
         self.known.is_some_and(|known| !known[cause])
     }
 
-    /// Whether it was asked if a change would be seen, and it would not be.
+    /// True if a change was checked for visibility, and would not be seen.
     fn is_unseen(&self, cause: usize) -> bool {
         self.evidence[cause].is_some() && !self.visible[cause]
     }
 
-    /// Where detection stands with each cause.
+    /// State of detection for each cause.
     pub fn states(&self) -> [DetectionState; CAUSES] {
         std::array::from_fn(|i| {
             if self.is_unknown(i) {
@@ -146,8 +150,8 @@ impl Visibility {
         })
     }
 
-    /// Whether a change of this parameter would go unseen for more than a few metres: its values are too
-    /// little known, or it was asked and would not be seen.
+    /// True if a change of this parameter would go unseen for more than a few metres: its values
+    /// are too little known, or it was checked and would not be seen.
     pub fn is_blind(&self, parameter: Parameter) -> bool {
         HYPOTHESES.iter().enumerate().any(|(i, hypothesis)| {
             hypothesis.parameters.contains(&parameter) && (self.is_unknown(i) || self.is_unseen(i))
@@ -161,7 +165,7 @@ mod tests {
 
     const STEERING: usize = 0;
     const MOUNT: usize = 1;
-    /// What a change takes of a robot that does not scatter; of this one it takes twice as much.
+    /// Evidence that a change of a robot that does not scatter needs; this one needs twice as much.
     const REQUIRED: f64 = 30.0;
 
     fn known(sigma: f64) -> Visibility {
@@ -171,8 +175,8 @@ mod tests {
         visibility
     }
 
-    /// After a motion that promises this much of a LiDAR that moved, and enough of every other cause. What this
-    /// robot scatters by divides its evidence.
+    /// Adds a motion that promises this much of a LiDAR that moved, and enough of every other
+    /// cause. The robot's scatter divides its evidence.
     fn see(visibility: &mut Visibility, windows: usize, promised: f64, scatter: f64) {
         let mut expected = [10.0 * REQUIRED; CAUSES];
         expected[MOUNT] = promised;

@@ -1,4 +1,5 @@
-//! Evidence of windows of motion about the parameters, and the causes of a change it tells apart.
+//! Evidence of windows of motion about the parameters, and the causes of a change that it
+//! distinguishes.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -11,7 +12,7 @@ pub(super) type Information = SMatrix<f64, PARAMETERS, PARAMETERS>;
 /// The score of all parameters.
 pub(super) type Score = SVector<f64, PARAMETERS>;
 
-/// [`Thresholds::window_chi2_max`] where errors are as large as taken for.
+/// [`Thresholds::window_chi2_max`] where errors are as large as assumed.
 pub const WINDOW_CHI2_MAX: f64 = 16.0;
 /// Windows in an hour of driving at 1 m/s.
 pub const WINDOWS_PER_HOUR: f64 = 9000.0;
@@ -24,14 +25,14 @@ pub struct Hypothesis {
     pub parameters: &'static [Parameter],
     /// Threshold for one false alarm in a single window, by the fit of `examples/false_alarms.rs`.
     pub threshold_at_one: f64,
-    /// What the threshold gains when the run between false alarms grows `e` times longer.
+    /// Gain of the threshold when the run between false alarms grows `e` times longer.
     pub threshold_per_log: f64,
 }
 
-/// Number of causes that are told apart.
+/// Number of causes that are distinguished.
 pub const CAUSES: usize = 3;
 
-/// The causes that are told apart.
+/// The causes that are distinguished.
 pub const HYPOTHESES: [Hypothesis; CAUSES] = [
     Hypothesis {
         cause: Cause::Steering,
@@ -61,7 +62,7 @@ pub struct Thresholds {
 }
 
 impl Thresholds {
-    /// Thresholds with one false alarm in so many hours of driving, the causes taking equal shares.
+    /// Thresholds with one false alarm in so many hours of driving, in equal shares of the causes.
     pub fn for_false_alarm_hours(hours: f64) -> Self {
         let windows = CAUSES as f64 * hours * WINDOWS_PER_HOUR;
         let log = windows.ln().max(0.0);
@@ -73,8 +74,8 @@ impl Thresholds {
         }
     }
 
-    /// Thresholds where the errors of a cause's parameters are so many times as large (as variances)
-    /// as taken for.
+    /// Thresholds where the errors of a cause's parameters are so many times as large (as
+    /// variances) as assumed.
     #[must_use]
     pub fn raised(&self, ratios: &Values) -> Self {
         let mut raised = *self;
@@ -103,7 +104,7 @@ impl Thresholds {
         self.of_causes.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// In the order of [`HYPOTHESES`].
+    /// Thresholds in the order of [`HYPOTHESES`].
     pub fn values(&self) -> &[f64; CAUSES] {
         &self.of_causes
     }
@@ -124,7 +125,7 @@ pub fn least_change(parameter: Parameter) -> Option<f64> {
     }
 }
 
-/// How far a parameter may move in a change, one standard deviation.
+/// Prior of a parameter's motion in a change, one standard deviation.
 pub fn change_sigma(parameter: Parameter) -> f64 {
     match parameter {
         Parameter::SteeringOffset
@@ -136,9 +137,9 @@ pub fn change_sigma(parameter: Parameter) -> f64 {
     }
 }
 
-/// How far a parameter may seem to wander while nothing changes, one standard deviation of the
-/// difference between two stretches of some metres. A change of six of them is the smallest that is
-/// ever flagged: 0.05 degrees of steering, 0.07 of yaw, 2.5 mm.
+/// Wander of a parameter while nothing changes, one standard deviation of the difference between
+/// two stretches of some metres. A change of six of them is the smallest that is ever flagged: 0.05
+/// degrees of steering, 0.07 of yaw, 2.5 mm.
 pub fn wander_sigma(parameter: Parameter) -> f64 {
     match parameter {
         Parameter::SteeringOffset => 1.5e-4,
@@ -149,19 +150,19 @@ pub fn wander_sigma(parameter: Parameter) -> f64 {
     }
 }
 
-/// A window's residual less what the windows before tell of it: they share a LiDAR pose, whose error
-/// has one sign in the one and the other in the next. What is left is white.
+/// A window's residual less its prediction by the windows before: they share a LiDAR pose, whose
+/// error has one sign in the one and the other in the next. The rest is white.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Innovation {
     /// Residual, by the window's own parameters.
     pub residual: Vector3<f64>,
-    /// How it moves with the parameters.
+    /// Derivatives of the residual by the parameters.
     pub jacobian: ByParameters,
     /// Its covariance.
     pub covariance: Matrix3<f64>,
 }
 
-/// What windows say about the parameters, around one reference.
+/// Evidence of windows about the parameters, around one reference.
 #[derive(Debug, Clone)]
 pub struct Evidence {
     /// `I`.
@@ -173,7 +174,7 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Of no window.
+    /// Evidence of no window.
     pub(super) fn zero() -> Self {
         Self {
             information: Information::zeros(),
@@ -182,7 +183,7 @@ impl Evidence {
         }
     }
 
-    /// Of one window, around the parameters it was taken with; `None` when its covariance is none.
+    /// Evidence of one window, around its parameters; `None` when its covariance is singular.
     pub fn of_window(innovation: &Innovation) -> Option<Self> {
         let Innovation {
             residual,

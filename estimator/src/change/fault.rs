@@ -1,5 +1,5 @@
-//! Faults: what no calibration explains. Wheels and LiDAR disagree by far, or the steering reading
-//! stands still while the vehicle turns.
+//! Faults: motion that no calibration explains. Wheels and LiDAR disagree by far, or the steering
+//! reading stands still while the vehicle turns.
 //!
 //! While a fault lasts nothing may be learnt from the data; the calibration is as it was before.
 
@@ -8,68 +8,68 @@ use crate::estimate::Cause;
 
 /// Windows in a row that begin or end a fault.
 const IN_A_ROW: usize = 2;
-/// Wheels and LiDAR disagree when one of them has moved less than this share of the other.
+/// Share of the other's way below which wheels or LiDAR disagree.
 const DISAGREE_SHARE: f64 = 0.3;
-/// The LiDAR's way is not known when it is no better known than this, m (one sigma): a corridor's
-/// axis, or a hall without features.
+/// Sigma from which the LiDAR's way is not known, m: along a corridor's axis, or in a hall without
+/// features.
 const ODOMETRY_SIGMA_MAX_M: f64 = 0.05;
-/// Nor when it is faster than any robot, m/s.
+/// Speed, faster than any robot, from which it is not known either, m/s.
 const ODOMETRY_SPEED_MAX_MPS: f64 = 6.0;
-/// A robot that was moved by this much more than it drove was carried or towed, m.
+/// Excess of a robot's motion over its drive from which it was carried or towed, m,
 const DISPLACED_MIN_M: f64 = 0.2;
-/// And that is more than this many standard deviations of the odometry.
+/// in standard deviations of the odometry,
 const DISPLACED_SIGMAS: f64 = 5.0;
-/// And the wheels have driven less than this share of it: at most 0.8 of 1.1 m where two windows share a
-/// displacement by 0.3 m.
+/// and largest share of it that the wheels have driven: at most 0.8 of 1.1 m where two windows
+/// share a displacement by 0.3 m.
 const DISPLACED_SHARE: f64 = 0.75;
-/// A robot that was lifted away in any direction is this far from where its wheels took it, m,
+/// Distance of a robot that was lifted away in any direction from where its wheels would be, m,
 const LIFTED_MIN_M: f64 = 0.3;
-/// and this far from the way there, m: wheels that slip do not leave it.
+/// and from the way there, m: wheels that slip do not leave it.
 const LIFTED_OFF_WAY_M: f64 = 0.05;
 /// Shortest way that is compared, m.
 const COMPARED_MIN_M: f64 = 0.3;
-/// A reading that changes less than this stands still, rad.
+/// Change below which a reading stands still, rad.
 const SAME_READING_RAD: f64 = 1e-6;
 /// Windows over which a steering reading has to stand still.
 const STUCK_WINDOWS: usize = 6;
-/// After so many the curves would have shown that it is stuck: the vehicle keeps to one curve.
+/// Windows after which the curves would have shown a stuck sensor: the vehicle keeps to one curve.
 const UNDECIDED_WINDOWS_MAX: usize = 2 * STUCK_WINDOWS;
 /// Spread of the true steering angle over them, rad (6 degrees): a coarse encoder has less.
 const STUCK_SPREAD_RAD: f64 = 0.1;
-/// How often the true angle changes from window to window, and by how much, rad: a steering zero
-/// that jumps does it once or twice.
+/// Number of changes of the true angle from window to window, and size of each, rad: a steering
+/// zero that jumps does it once or twice.
 const STUCK_CHANGES_MIN: usize = 4;
 const STUCK_CHANGE_RAD: f64 = 0.015;
-/// Spread and changes must also be more than so many standard deviations of a window's angle: a
-/// scanner with noisy poses on slow wheels turned far tells each one to a few degrees only.
+/// Standard deviations of a window's angle that spread and changes must exceed, too: a scanner with
+/// noisy poses on slow wheels turned far shows each one to a few degrees only.
 const STUCK_SPREAD_SIGMAS: f64 = 6.0;
 const STUCK_CHANGE_SIGMAS: f64 = 2.6;
 
-/// What is wrong.
+/// Fault that is distinguished.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// The LiDAR moves and the wheels do not: a dead speed sensor, or somebody pushes.
+    /// Moving LiDAR above standing wheels: a dead speed sensor, or somebody pushes.
     NotDriven,
-    /// The wheels turn and the LiDAR stands: spinning or lifted wheels, or a LiDAR that sees nothing
-    /// of its way.
+    /// Turning wheels below a standing LiDAR: spinning or lifted wheels, or a LiDAR that sees
+    /// nothing of its way.
     NotMoving,
-    /// The steering reading stands still while the vehicle's curve changes.
+    /// Steering reading that stands still while the vehicle's curve changes.
     StuckSteering,
-    /// Wheels and LiDAR disagree, and the LiDAR odometry does not know its way.
+    /// Disagreement of wheels and LiDAR, while the LiDAR odometry does not know its way.
     OdometryLost,
-    /// Once the LiDAR has come farther than the wheels drove, and they agree again: somebody carried
-    /// or towed the robot.
+    /// LiDAR that once came farther than the wheels drove, before they agree again: somebody
+    /// carried or towed the robot.
     Displaced,
 }
 
 impl Fault {
-    /// Whether two windows speak for one and the same fault: an odometry that is lost does not say
-    /// so in every window.
+    /// True if two windows speak for one and the same fault: a lost odometry does not show in every
+    /// window.
     fn is_kin(self, other: Self) -> bool {
         self == other || self == Self::OdometryLost || other == Self::OdometryLost
     }
 
-    /// What to tell.
+    /// Cause to report.
     pub fn cause(self) -> Cause {
         match self {
             Self::NotDriven | Self::Displaced => Cause::Vehicle,
@@ -92,27 +92,26 @@ pub struct FaultWatch {
     displaced: Option<usize>,
     /// Windows with one and the same steering reading, newest last.
     standing: Vec<Track>,
-    /// How much larger the noise (as a variance) was than configured when the reading began to stand
+    /// Scale of the noise (as a variance, over the configured one) when the reading began to stand
     /// still: a sensor that sticks makes it look larger still.
     noise_scale: f64,
 }
 
 impl FaultWatch {
-    /// The fault that lasts.
+    /// The present fault.
     pub fn active(&self) -> Option<Fault> {
         self.active
     }
 
-    /// Whether the steering reading may have stuck so many windows ago: it has stood still since, and
-    /// the curves driven have not told yet.
+    /// True if the steering reading may have stuck so many windows ago: it has stood still since,
+    /// and the curves driven have not decided yet.
     pub fn may_be_stuck(&self, windows: usize) -> bool {
         let standing = self.standing.len();
         standing >= windows.max(2) && standing < UNDECIDED_WINDOWS_MAX
     }
 
-    /// Takes the next window, and how much larger the noise (as a variance) has turned out than
-    /// configured; gives a fault that has just become certain, and how many windows it
-    /// has lasted.
+    /// Adds the next window, with the scale of the noise (as a variance, over the configured one);
+    /// returns a fault that has just become certain, and how many windows it has lasted.
     pub fn push(&mut self, track: &Track, noise_scale: f64) -> Option<(Fault, usize)> {
         self.follow_steering(track, noise_scale);
         if let Some(active) = self.active {
@@ -140,7 +139,8 @@ impl FaultWatch {
         found
     }
 
-    /// Two windows in a row that disagree, or one that went too far before one that agrees.
+    /// Fault of two windows in a row that disagree, or of one that went too far before one that
+    /// agrees.
     fn disagrees(&mut self, track: &Track) -> Option<(Fault, usize)> {
         let seen = disagreement(track);
         let way = Way::of(track);
@@ -207,7 +207,7 @@ impl FaultWatch {
             && changes.count() >= STUCK_CHANGES_MIN
     }
 
-    /// Whether the true steering angles of two windows differ by more than this.
+    /// True if the true steering angles of two windows differ by more than this.
     fn differ_by(&self, a: &Track, b: &Track, least_rad: f64, sigmas: f64) -> bool {
         let apart_rad = (a.steering_error_rad - b.steering_error_rad).abs();
         let sigma_rad = a.steering_sigma_rad.max(b.steering_sigma_rad) * self.noise_scale.sqrt();
@@ -241,7 +241,7 @@ fn is_lost(track: &Track) -> bool {
         || track.moved_m > ODOMETRY_SPEED_MAX_MPS * track.duration_s
 }
 
-/// Whether the LiDAR, sure of its way, is where no turning of the wheels could have taken it.
+/// True if the LiDAR, sure of its way, is where no turning of the wheels could have taken it.
 fn is_lifted(track: &Track) -> bool {
     let sure_m = DISPLACED_SIGMAS * track.odometry_sigma_m;
     track.odometry_sigma_m < ODOMETRY_SIGMA_MAX_M
@@ -249,7 +249,7 @@ fn is_lifted(track: &Track) -> bool {
         && track.off_way_m > LIFTED_OFF_WAY_M.max(sure_m)
 }
 
-/// How far wheels and LiDAR say that the robot came over one window or two.
+/// Way of the robot over one window or two, by wheels and LiDAR.
 #[derive(Debug, Clone, Copy)]
 #[expect(clippy::struct_field_names, reason = "the unit is last in a name")]
 struct Way {
@@ -267,7 +267,7 @@ impl Way {
         }
     }
 
-    /// Of two windows: who is towed may be so across their border.
+    /// Way over two windows: a robot may be towed across their border.
     fn and(self, next: Self) -> Self {
         Self {
             driven_m: self.driven_m + next.driven_m,
@@ -276,7 +276,7 @@ impl Way {
         }
     }
 
-    /// Whether the LiDAR, sure of its way, has come farther than the wheels drove.
+    /// True if the LiDAR, sure of its way, has come farther than the wheels drove.
     fn is_displaced(self) -> bool {
         let farther_m = self.moved_m - self.driven_m;
         let sure_m = DISPLACED_SIGMAS * self.odometry_sigma_m;

@@ -1,11 +1,11 @@
-//! Do the data repeat what they say? The filter's claims against the scatter of disjoint blocks.
+//! Long-run variance: the filter's claims against the scatter of disjoint blocks.
 //!
 //! On a real vehicle the errors of neighbouring windows are not independent: slip, play, load and
 //! floor last for metres. Each block of some metres pulls the parameters its own way, by
-//! `u = P J' S^-1 r`; if the noise were what the filter takes it for, `u` would have the covariance
+//! `u = P J' S^-1 r`; if the noise were as the filter assumes it, `u` would have the covariance
 //! `P J' S^-1 J P`. The ratio of the two, summed over the blocks, is how much larger a parameter's
 //! variance really is (the sandwich estimator with clusters, of White and of Liang and Zeger). It
-//! widens what is claimed and raises what a change has to show.
+//! widens what is claimed and raises the evidence that a change needs.
 
 use nalgebra::{Matrix3, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
@@ -22,47 +22,51 @@ const BLOCK: usize = 10;
 const MEMORY_BLOCKS: f64 = 60.0;
 /// Fewest blocks, some 20 m, before the scatter is believed to be small.
 const BLOCKS_MIN: f64 = 5.0;
-/// Blocks before it is asked whether changes would be seen: fewer tell too little of the scatter.
+/// Blocks before changes are checked for visibility: fewer show too little of the scatter.
 const SEE_BLOCKS: f64 = 8.0;
-/// Up to so many blocks a change takes [`FEW_BLOCKS_CAUTION`] times the evidence: on one lap of its route a
-/// robot that does not obey its model has not shown yet by how much. Blocks are counted as they are
-/// remembered, so that the tenth is the last; before the fifth nothing is claimed, and nothing judged.
+/// Number of blocks up to which a change needs [`FEW_BLOCKS_CAUTION`] times the evidence: on one
+/// lap of its route a robot that does not obey its model has not shown yet by how much. Blocks are
+/// counted as they are remembered, so that the tenth is the last; before the fifth nothing is
+/// claimed, and nothing judged.
 const FEW_BLOCKS: f64 = 10.0;
-/// See [`FEW_BLOCKS`].
+/// Factor of the evidence for [`FEW_BLOCKS`].
 const FEW_BLOCKS_CAUTION: f64 = 2.0;
-/// The ratio until then: five times the standard deviation.
+/// Ratio until then: five times the standard deviation.
 const UNPROVEN_RATIO: f64 = 25.0;
-/// Share of the worst ratio that every parameter has at least: what lasts is seldom one's alone.
+/// Share of the worst ratio that every parameter has at least: lasting errors are seldom one's
+/// alone.
 const SHARED: f64 = 0.5;
-/// How much is added to an excess of scatter that is known from one block alone.
+/// Multiple of an excess of scatter that is added to it where it is known from one block alone.
 const UNCERTAINTY_BLOCKS: f64 = 6.0;
-/// The first block is fitted as if it were the only one; its leverage is bounded as of so many.
+/// Fewest blocks by which the leverage is bounded: the first block is fitted as if it were the only
+/// one.
 const LEVERAGE_BLOCKS_MIN: f64 = 2.0;
-/// What outlasts blocks adds at most so much: an exponential memory of a whole block's length.
+/// Largest addition by errors that outlast blocks: an exponential memory of a whole block's length.
 const LASTING_MAX: f64 = 2.7;
 /// Four sigmas of `n` blocks are as rare as four of many when the variance is larger by `1 + 14 / n`;
 /// [`UNCERTAINTY_BLOCKS`] has its part of it already.
 const STUDENT_BLOCKS: f64 = 8.0;
 /// Largest squared error of a block or a window, in its variances: a fault is no noise.
 const SQUARE_MAX: f64 = 400.0;
-/// A block whose squared error (three degrees of freedom) is at least this is wild: of pure noise, about one in 135 is.
+/// Squared error (three degrees of freedom) from which a block is wild: of pure noise, about one in
+/// 135 is.
 const WILD_SQUARE: f64 = 12.0;
-/// A wild block that weighs less waits no longer for another one: that would be chance.
+/// Weight below which a wild block waits no longer for another one: that would be chance.
 const WILD_WEIGHT_MIN: f64 = 0.5;
-/// Parameters whose changes a lone wild block does not hide. For the others it counts at once, as it may be slip, or
-/// steering that does not obey the model, and so it does for what is claimed of any.
+/// Parameters whose changes a lone wild block does not hide. For the others it counts at once, as
+/// it may be slip, or steering that does not obey the model, and so it does for the claims of all.
 const OF_THE_MOUNT: [Parameter; 3] = [Parameter::LidarX, Parameter::LidarY, Parameter::LidarYaw];
 
-/// What a filter expected before it took a window.
+/// Expectation of a filter before a window.
 #[derive(Debug, Clone, Copy)]
 struct Expectation {
-    /// How many times larger the noise (as a variance) is than configured.
+    /// Scale of the noise (as a variance, over the configured one).
     scale: f64,
     /// [`surprise`].
     surprise: f64,
 }
 
-/// The squared residual of a window as a filter expected it before it took the window.
+/// The squared residual of a window as a filter expected it before the window.
 fn surprise(window: &Window, before: &Filter) -> Option<f64> {
     let residual = window.residual + window.jacobian * apart(&window.values, before.values());
     let covariance = window.covariance * before.noise_scale()
@@ -71,7 +75,7 @@ fn surprise(window: &Window, before: &Filter) -> Option<f64> {
     Some(square.min(SQUARE_MAX))
 }
 
-/// Learns how far the filter's claims are from what blocks of data repeat.
+/// Learns how far the filter's claims are from the scatter of blocks of data.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct LongRunVariance {
     whole: Clusters,
@@ -79,7 +83,7 @@ pub struct LongRunVariance {
     half: Clusters,
 }
 
-/// How far a robot's data scatter against what one covariance says of its parameters.
+/// Scatter of a robot's data against one covariance of its parameters.
 #[derive(Debug, Clone, Copy)]
 pub struct Scatter<'a> {
     long_run: &'a LongRunVariance,
@@ -89,14 +93,14 @@ pub struct Scatter<'a> {
     tame: Option<Values>,
 }
 
-/// How blocks of one length scatter.
+/// Scatter of blocks of one length.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 struct Clusters {
     block: Option<Block>,
     /// Sum of `J' S^-1 r r' S^-1 J` over the blocks.
     #[serde(with = "padded")]
     scatter: SMatrix<f64, PARAMETERS, PARAMETERS>,
-    /// Sum of `J' S^-1 J`: what the scatter should be.
+    /// Sum of `J' S^-1 J`: the expected scatter.
     #[serde(with = "padded")]
     expected: SMatrix<f64, PARAMETERS, PARAMETERS>,
     blocks: f64,
@@ -105,19 +109,20 @@ struct Clusters {
     wild: Option<Wild>,
 }
 
-/// A wild block's part of the scatter, which raises what a change of the LiDAR's mount takes once there is another
-/// one. A LiDAR that is moved jumps once. On a straight nothing else shows until the next turn, and if the block of
-/// the jump counted as scatter by then, the change would be taken for noise.
+/// A wild block's part of the scatter, which raises the evidence that a change of the LiDAR's mount
+/// needs once there is another one. A LiDAR that is moved jumps once. On a straight nothing else
+/// shows until the next turn, and if the block of the jump counted as scatter by then, the change
+/// would pass for noise.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Wild {
     #[serde(with = "padded")]
     scatter: SMatrix<f64, PARAMETERS, PARAMETERS>,
-    /// What is left of it in the memory.
+    /// Rest of it in the memory.
     weight: f64,
 }
 
 impl Clusters {
-    /// Takes the next window of a block of `length`.
+    /// Adds the next window of a block of `length`.
     fn push(&mut self, window: &Window, length: usize, values: &Values, expected: Expectation) {
         let Expectation { scale, surprise } = expected;
         let before = self.block.take();
@@ -168,13 +173,13 @@ impl Clusters {
         };
     }
 
-    /// Share of the next block in the values that it is held against: they were fitted to it too,
+    /// Share of the next block in the values that it is compared with: they were fitted to it too,
     /// so that it scatters by so much less than it errs.
     fn leverage(&self) -> f64 {
         1.0 / (self.blocks + 1.0).max(LEVERAGE_BLOCKS_MIN)
     }
 
-    /// For each parameter, the variance that is seen over the one that the filter's `covariance` says.
+    /// Ratio of each parameter's observed variance to the one of the filter's `covariance`.
     fn seen_over_said(&self, covariance: &ParameterCovariance) -> Values {
         Values::from_fn(|i, _| self.over_said(&self.scatter, i, covariance))
     }
@@ -206,15 +211,15 @@ fn shared(ratios: &Values) -> Values {
     ratios.map(|ratio| ratio.max(least))
 }
 
-/// To single precision, with which a checkpoint takes a fifth less: what some tens of blocks tell is
-/// known to one digit.
+/// Rounds to single precision, with which a checkpoint is a fifth smaller: the evidence of some
+/// tens of blocks is known to one digit.
 fn rounded<const N: usize>(sum: SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
     sum.map(|value| f64::from(value as f32))
 }
 
 impl LongRunVariance {
-    /// Takes the next window, by the parameters as they are known now, and with the filter as it was before
-    /// that window.
+    /// Adds the next window, by the present parameters, and with the filter as it was before that
+    /// window.
     pub fn push(&mut self, window: &Window, values: &Values, before: &Filter) {
         let expected = Expectation {
             scale: before.noise_scale(),
@@ -228,28 +233,30 @@ impl LongRunVariance {
         self.half.push(window, BLOCK / 2, values, expected);
     }
 
-    /// What comes does not continue what was.
+    /// Breaks the block: the next window does not continue the last.
     pub fn break_block(&mut self) {
         self.whole.block = None;
         self.half.block = None;
     }
 
-    /// How far the data scatter against what a filter's `covariance` says.
+    /// Scatter of the data against a filter's `covariance`.
     pub fn scatter<'a>(&'a self, covariance: &'a ParameterCovariance) -> Scatter<'a> {
         Scatter::new(self, covariance)
     }
 
-    /// What is known of a filter's parameters, given how far its data scatter.
+    /// Knowledge of a filter's parameters, given the scatter of its data.
     pub fn known(&self, filter: &Filter) -> Known {
         filter.known(self.scatter(&filter.parameter_covariance()).ratios())
     }
 
-    /// Whether enough blocks were seen to tell if a change would stand out from their scatter.
+    /// True if enough blocks were counted to decide whether a change would stand out from their
+    /// scatter.
     pub fn is_well_known(&self) -> bool {
         self.whole.blocks > SEE_BLOCKS
     }
 
-    /// How many times the evidence a change takes because only few blocks have shown their scatter yet.
+    /// Factor of the evidence that a change needs because only few blocks have shown their scatter
+    /// yet.
     pub fn caution(&self) -> f64 {
         if self.whole.blocks > FEW_BLOCKS {
             1.0
@@ -258,7 +265,8 @@ impl LongRunVariance {
         }
     }
 
-    /// Whether enough blocks were seen to tell their scatter from a change, and to claim anything.
+    /// True if enough blocks were counted to distinguish their scatter from a change, and to claim
+    /// anything.
     pub fn is_known(&self) -> bool {
         self.whole.blocks > BLOCKS_MIN - 0.5
     }
@@ -281,15 +289,14 @@ impl<'a> Scatter<'a> {
         self.long_run.whole.blocks
     }
 
-    /// For each parameter, how many times larger its variance is than the filter says; at least 1.
+    /// Ratio of each parameter's variance to the filter's; at least 1.
     pub fn ratios(&self) -> &Values {
         &self.ratios
     }
 
-    /// How many times larger the variance of the speed scale is than by [`Self::ratios`], because
-    /// slip lasts longer than a block: what blocks of `b` windows show falls short by a share of
-    /// `1 / b`, which the half blocks tell: `2 R(b) - R(b/2)` (batch means with a lugsail window, of
-    /// Vats and Flegal).
+    /// Factor of the variance of the speed scale over that by [`Self::ratios`], because slip lasts
+    /// longer than a block: blocks of `b` windows show too little by a share of `1 / b`, which the
+    /// half blocks show: `2 R(b) - R(b/2)` (batch means with a lugsail window, of Vats and Flegal).
     fn lasting_slip(&self) -> f64 {
         let i = Parameter::SpeedScale.index();
         let [whole, half] = [&self.long_run.whole, &self.long_run.half]
@@ -303,10 +310,11 @@ impl<'a> Scatter<'a> {
         ratios.map(|ratio| 1.0 + uncertainty * (ratio - 1.0))
     }
 
-    /// By how much the evidence for a change of each parameter has to be larger, before it passes a
-    /// `threshold` that is meant for a scatter which is known well: by the ratios with their uncertainty. Slip
-    /// looks like another wheel; where it was seen, evidence so rare is Student's, who knows the
-    /// scatter from `n` blocks alone: `t^2 = n (exp(z^2 / n) - 1)`. For the mount a lone wild block does not count.
+    /// Ratios by which the evidence for a change of each parameter has to be larger, before it
+    /// passes a `threshold` that is meant for a scatter which is known well: the ratios with their
+    /// uncertainty. Slip looks like another wheel; where it was seen, evidence so rare is
+    /// Student's, who knows the scatter from `n` blocks alone: `t^2 = n (exp(z^2 / n) - 1)`. For
+    /// the mount a lone wild block does not count.
     pub fn alarm_ratios(&self, threshold: f64) -> Values {
         let mut ratios = self.uncertain(&self.ratios);
         if let Some(tame) = &self.tame {
@@ -323,8 +331,9 @@ impl<'a> Scatter<'a> {
         ratios
     }
 
-    /// How many times as large the limit of a single window may be where a lone wild block does not count: else
-    /// what it adds to the other causes would let one window accuse the mount. Infinite where there is none.
+    /// Largest factor of a single window's limit where a lone wild block does not count: else its
+    /// addition to the other causes would let one window accuse the mount. Infinite where there is
+    /// none.
     pub fn window_ratio_max(&self) -> f64 {
         self.tame.as_ref().map_or(f64::INFINITY, |tame| {
             let tame = self.uncertain(tame);
@@ -349,9 +358,9 @@ impl<'a> Scatter<'a> {
         widened(self.covariance, &self.claim_widths())
     }
 
-    /// Factors by which published errors are larger than claimed ones: slip that outlasts blocks, and where
-    /// blocks scatter more than the filter says, four sigmas are Student's, who knows them from these blocks
-    /// alone: half a minute of a real tricycle has three of them.
+    /// Factors by which published errors are larger than claimed ones: slip that outlasts blocks,
+    /// and where blocks scatter more than by the filter, four sigmas are Student's, who knows them
+    /// from these blocks alone: half a minute of a real tricycle has three of them.
     pub fn publish_widths(&self) -> Values {
         let mut variances = self.ratios.map(|ratio| {
             let scattering = 1.0 - 1.0 / ratio;
@@ -389,8 +398,8 @@ mod tests {
         variance.scatter(&ParameterCovariance::identity()).ratios()[Parameter::LidarX.index()]
     }
 
-    /// Of windows whose poses are exact and whose motion errs along the track as told, where one
-    /// parameter shows.
+    /// Learns from windows whose poses are exact and whose motion errs along the track as given,
+    /// where one parameter shows.
     fn learnt(parameter: Parameter, error: impl Fn(usize) -> f64) -> LongRunVariance {
         learnt_from(2000, parameter, error)
     }
@@ -403,7 +412,7 @@ mod tests {
         learnt_by(windows, parameter, error, |_| 0.0, 3.0)
     }
 
-    /// The same while the parameter, which is zero, is taken for what it is told after each window.
+    /// Learns the same while the parameter, which is zero, has the given value after each window.
     fn learnt_by(
         windows: usize,
         parameter: Parameter,
@@ -479,8 +488,8 @@ mod tests {
         assert!((surprise_of(1e6) - SQUARE_MAX).abs() < 1e-12);
     }
 
-    /// A filter that begins far off gets to the truth within its first block, which it then fits. One that
-    /// did not expect to be far off was surer of itself than it may be.
+    /// A filter that begins far off gets to the truth within its first block, which it then fits.
+    /// One that did not expect to be far off was surer of itself than it may be.
     #[test]
     fn a_block_is_held_against_what_is_known_at_its_end_unless_its_windows_surprised() {
         let scatter_of = |surprise: f64| {

@@ -1,9 +1,9 @@
 //! The mean of the LiDAR's poses around the end of a window.
 //!
-//! A sensor that sends poses has as much noise in the pose that ends a window as in any other, and there
-//! are several for each window. Those around the end are carried there by the wheels and their mean is
-//! taken. It is taken of pairs, one before and one after by the same motion: what wrong parameters do to the
-//! way there cancels.
+//! A sensor that sends poses has as much noise in the pose that ends a window as in any other, and
+//! there are several for each window. Those around the end are carried there by the wheels and
+//! averaged. They are averaged in pairs, one before and one after by the same motion: the effect of
+//! wrong parameters on the way there cancels.
 
 use std::collections::VecDeque;
 
@@ -21,15 +21,15 @@ use crate::vehicle::Vehicle;
 
 /// Most pairs of poses in a mean.
 pub(super) const PAIRS_MAX: usize = 8;
-/// A pose whose squared distance from the one at the end, normalised, is above this (four sigmas) is not
-/// taken in: the LiDAR jumped between them, or the wheels slipped.
+/// Squared distance of a pose from the one at the end, normalised, above which (four sigmas) it is
+/// not averaged: the LiDAR jumped between them, or the wheels slipped.
 const APART_CHI2_MAX: f64 = 16.0;
-/// Two motions are the same when they differ by less than this, m,
+/// Difference below which two motions are the same, m,
 const SAME_WAY_M: f64 = 0.02;
-/// and this, rad: a twentieth of a window.
+/// and rad: a twentieth of a window.
 const SAME_TURN_RAD: f64 = 0.01;
 
-/// What the wheels and the parameters say of the way between two poses.
+/// Way between two poses, by the wheels and the parameters.
 #[derive(Debug, Clone, Copy)]
 pub struct Way<'a> {
     /// The wheel odometry.
@@ -38,9 +38,9 @@ pub struct Way<'a> {
     pub vehicle: &'a Vehicle,
     /// The parameters.
     pub values: &'a Values,
-    /// How far a driven metre can go astray, as configured.
+    /// Noise of a driven metre, as configured.
     pub noise: &'a MotionNoise,
-    /// How many times larger this robot's noise is, of its motion and of its poses, as a variance.
+    /// Scale of this robot's noise, of its motion and of its poses, as a variance.
     pub noise_scale: f64,
 }
 
@@ -50,13 +50,13 @@ impl Way<'_> {
         stamp.plus_seconds(self.values[Parameter::TimeOffset.index()].clamp(-0.25, 0.25))
     }
 
-    /// Whether the drive's readings are there between two times of the LiDAR.
+    /// True if the drive's readings are there between two times of the LiDAR.
     pub(super) fn is_covered(&self, from: RobotTime, to: RobotTime) -> bool {
         self.drive
             .covers(self.drive_time(from), self.drive_time(to))
     }
 
-    /// How far the wheels went between two times of the LiDAR, m.
+    /// Way of the wheels between two times of the LiDAR, m.
     pub(super) fn driven_m(&self, from: RobotTime, to: RobotTime) -> f64 {
         self.drive
             .driven_m(self.drive_time(from), self.drive_time(to))
@@ -91,7 +91,7 @@ impl Way<'_> {
 struct Carried {
     /// The body's motion in between, in the direction of time.
     body: Pose2,
-    /// How far it is from that one, as that one's right perturbation.
+    /// Offset from that one, as a right perturbation of it.
     apart: Vector3<f64>,
     /// Covariance of the pose, carried along.
     pose: Matrix3<f64>,
@@ -113,7 +113,7 @@ impl Carried {
             && (one.yaw_rad - other.yaw_rad).abs() < SAME_TURN_RAD
     }
 
-    /// How far the body has moved, in the units of [`Self::is_by_the_same_motion`].
+    /// Extent of the body's motion, in the units of [`Self::is_by_the_same_motion`].
     fn extent(&self) -> f64 {
         (self.body.x_m / SAME_WAY_M).abs() + (self.body.yaw_rad / SAME_TURN_RAD).abs()
     }
@@ -242,7 +242,7 @@ mod tests {
     const WHEELBASE_M: f64 = 1.2;
     const STEERING_RAD: f64 = 0.2;
     const SIGMA_M: f64 = 0.003;
-    /// Between poses, ns.
+    /// Time between poses, ns.
     const PERIOD_NS: i64 = 50_000_000;
     const BEGIN_NS: i64 = 1_800_000_000_000_000_000;
     /// The pose that ends the window.
@@ -275,7 +275,7 @@ mod tests {
     const STEADY: Robot = Robot(0.5, 0.5);
 
     impl Robot {
-        /// Two seconds at 50 Hz.
+        /// Drive samples of two seconds at 50 Hz.
         fn drive(self) -> DriveHistory {
             let mut drive = DriveHistory::new(10.0);
             for number in 0..=4 * AT {
@@ -304,7 +304,7 @@ mod tests {
             }
         }
 
-        /// The mean at the pose of the end, of as many poses as are taken in on either side.
+        /// The mean at the pose of the end, of as many poses as are averaged on either side.
         fn mean_of(
             self,
             readings: impl Fn(i64) -> OdometryReading,
@@ -330,7 +330,7 @@ mod tests {
         }
     }
 
-    /// How many times less sure a single pose is than this mean, as a variance.
+    /// Ratio of a single pose's variance to that of this mean.
     fn gain(mean: &OdometryReading) -> f64 {
         SIGMA_M * SIGMA_M / mean.covariance[(1, 1)]
     }

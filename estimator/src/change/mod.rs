@@ -1,7 +1,8 @@
-//! Change detection: is this still the vehicle that was calibrated, and if not, what moved and when?
+//! Change detection: is this still the vehicle that was calibrated, and if not, what moved and
+//! when?
 //!
-//! Windows of 0.4 m are compared with what the filter knew *before* them; the filter itself cannot
-//! be asked, because it absorbs a change within seconds.
+//! Windows of 0.4 m are compared with the filter's knowledge *before* them; the filter itself is no
+//! reference, because it absorbs a change within seconds.
 
 pub mod block;
 pub mod detection;
@@ -34,16 +35,16 @@ use window::{Window, WindowCutter, WindowEnd};
 pub const WINDOWS_MAX: usize = 60;
 /// Fewest windows before anything is judged.
 const WINDOWS_MIN: usize = 8;
-/// It is asked again after so many windows whether changes would be seen.
+/// Windows after which the visibility of changes is checked again.
 const SEE_EVERY: usize = 5;
 /// Windows that the long-run variance is behind: a change is flagged before it counts as noise.
 const SETTLED_WINDOWS: usize = 25;
-/// The same while a change is suspected, which a robot that has just set off takes longer to show: it counted
-/// as noise before it was flagged.
+/// Windows that it is behind while a change is suspected, which a robot that has just set off takes
+/// longer to show: it counted as noise before it was flagged.
 const SUSPECTED_WINDOWS: usize = 45;
-/// A cause explains what is seen when the misfit stays below this.
+/// Misfit below which a cause explains the evidence.
 const MISFIT_MAX: f64 = 3.0;
-/// After this many windows without a cause that explains it, the change is called unknown.
+/// Windows without a cause that explains it after which the change is called unknown.
 const UNEXPLAINED_WINDOWS: usize = 15;
 
 /// A window with the filter as it was at its beginning.
@@ -53,11 +54,11 @@ struct Remembered {
     filter: Filter,
 }
 
-/// What a change has to stand out from.
+/// Bar that a change has to exceed.
 #[derive(Debug, Clone, Copy)]
 struct Bar<'a> {
     reference: &'a Reference,
-    /// How many times larger the noise (as a variance) is than configured.
+    /// Scale of the noise (as a variance, over the configured one).
     noise_scale: f64,
     thresholds: &'a Thresholds,
 }
@@ -67,11 +68,11 @@ struct Bar<'a> {
 pub struct Detected {
     /// A change of the vehicle, or a fault.
     pub kind: ChangeKind,
-    /// What moved or failed.
+    /// Cause that moved or failed.
     pub cause: Cause,
     /// The parameters to open again.
     pub parameters: Vec<Parameter>,
-    /// Somewhere in this stretch of LiDAR time it happened.
+    /// Stretch of LiDAR time in which it happened.
     pub onset: (RobotTime, RobotTime),
     /// The filter as it was before.
     pub filter_before: Filter,
@@ -84,24 +85,25 @@ pub struct ChangeWatch {
     remembered: VecDeque<Remembered>,
     long_run: LongRunVariance,
     faults: FaultWatch,
-    /// The newest windows that have not told yet how far they err together.
+    /// The newest windows, whose common error is not learnt yet.
     unlearnt: usize,
-    /// Whether there is evidence enough for a change, but for the caution that few blocks ask for or a cause.
+    /// True if there is evidence enough for a change, but for the caution that few blocks require
+    /// or a cause.
     is_suspected: bool,
     visibility: Visibility,
     /// The first window before which the parameters of every cause were known.
     known_from: Option<usize>,
-    /// Windows since it was asked whether changes would be seen.
+    /// Windows since the visibility of changes was checked.
     since_seen: usize,
 }
 
 impl ChangeWatch {
-    /// Forgets the windows: what comes does not compare with what was.
+    /// Forgets the windows: the next do not compare with them.
     pub fn restart(&mut self) {
         *self = Self::with_long_run(self.long_run.clone());
     }
 
-    /// A watch that already knows how far windows err together.
+    /// Begins with the known scatter of windows.
     pub fn with_long_run(mut long_run: LongRunVariance) -> Self {
         long_run.break_block();
         Self {
@@ -110,7 +112,7 @@ impl ChangeWatch {
         }
     }
 
-    /// How far windows err together: what every variance has to be multiplied with.
+    /// Long-run variance of the windows: the factor of every variance.
     pub fn long_run(&self) -> &LongRunVariance {
         &self.long_run
     }
@@ -121,7 +123,7 @@ impl ChangeWatch {
         self.remember(ended);
     }
 
-    /// Takes the reading that the filter has just followed; says when a change is certain.
+    /// Adds the reading that the filter has just followed; returns a change once it is certain.
     pub fn watch(
         &mut self,
         reading: &OdometryReading,
@@ -171,7 +173,7 @@ impl ChangeWatch {
         self.unlearnt += 1;
     }
 
-    /// Where detection stands with each cause.
+    /// State of detection for each cause.
     pub fn detection(&self) -> [DetectionState; CAUSES] {
         if self.has_fault() {
             [DetectionState::Fault; CAUSES]
@@ -180,19 +182,19 @@ impl ChangeWatch {
         }
     }
 
-    /// Whether a change of this parameter would go unseen for more than a few metres; not while a fault lasts, in
-    /// which nothing is withheld.
+    /// True if a change of this parameter would go unseen for more than a few metres; not during a
+    /// fault, in which nothing is withheld.
     pub fn is_blind(&self, parameter: Parameter) -> bool {
         !self.has_fault() && self.visibility.is_blind(parameter)
     }
 
-    /// Whether a fault lasts: nothing may be learnt.
+    /// True during a fault: nothing may be learnt.
     pub fn has_fault(&self) -> bool {
         self.faults.active().is_some()
     }
 
-    /// A fault has been going on over the last windows: they are forgotten, and the filter is as it
-    /// was before.
+    /// Forgets the last windows, in which a fault was going on, and sets the filter back to before
+    /// it.
     fn failed(&mut self, fault: Fault, lasted: usize, last: &WindowEnd, now: &Filter) -> Detected {
         // The last window is not remembered yet; the one before the first may be touched too.
         let kept = self.remembered.len().saturating_sub(lasted);
@@ -213,8 +215,8 @@ impl ChangeWatch {
         }
     }
 
-    /// Windows that have settled tell how far they err together. While the filter still learns,
-    /// nothing can be taken for a change and all are settled.
+    /// Learns the common error of settled windows. While the filter still learns, nothing can count
+    /// as a change and all are settled.
     fn learn(&mut self, now: &Values) {
         let may_be_judged = self.long_run.is_known() && self.visibility.knows_any();
         let unsettled = match (may_be_judged, self.is_suspected) {
@@ -250,8 +252,8 @@ impl ChangeWatch {
         windows.partition_point(|window| !knows(window).contains(&true))
     }
 
-    /// Asks now and then whether changes would be seen, and whether they would be by the same motion of a
-    /// robot that does not scatter.
+    /// Checks now and then whether changes would be seen, and whether they would be by the same
+    /// motion of a robot that does not scatter.
     fn see(&mut self, begin: usize, of_this_robot: &Bar, known: &Known, thresholds: &Thresholds) {
         self.since_seen += 1;
         if self.since_seen < SEE_EVERY || !self.long_run.is_well_known() {

@@ -1,16 +1,16 @@
 //! The search for a change: a generalised likelihood ratio over onset and cause.
 //!
-//! Windows before and after an onset each say something about the parameters, as information
+//! Windows before and after an onset are evidence about the parameters, with the information
 //! `I = sum J' S^-1 J` and `eta = sum J' S^-1 r`. If the parameters of a cause moved by `Delta` at
 //! the onset, the score `s = eta_a - I_a p0` (at the common solution `p0`) has the information
 //! `M = I_a - I_a (I_a + I_b)^-1 I_a`, and `s_c' (M_c + D^-1)^-1 s_c` is the log likelihood ratio
-//! twice over, chi-squared with as many degrees of freedom as the cause has parameters. `D` is how
-//! large a change may be; it keeps out what the motion cannot show.
+//! twice over, chi-squared with as many degrees of freedom as the cause has parameters. `D` is the
+//! prior size of a change; it keeps out changes that the motion cannot show.
 //!
-//! Nothing stays quite as it was: over some metres slip or localisation move what a parameter seems
-//! to be by a `W` that no averaging takes away. So what speaks for a change is how much better `D`
-//! explains the score than `W` does, `s_c' (M_c + D^-1)^-1 s_c - s_c' (M_c + W^-1)^-1 s_c`; with
-//! much information that is `Delta' (W^-1 - D^-1) Delta`, and small wander is never an alarm.
+//! Nothing stays quite as it was: over some metres slip or localisation move the apparent value of
+//! a parameter by a `W` that no averaging removes. So the evidence for a change is how much better
+//! `D` explains the score than `W` does, `s_c' (M_c + D^-1)^-1 s_c - s_c' (M_c + W^-1)^-1 s_c`;
+//! with much information that is `Delta' (W^-1 - D^-1) Delta`, and small wander is never an alarm.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -22,14 +22,14 @@ use super::window::Window;
 use crate::estimate::Parameter;
 use crate::filter::{PARAMETERS, ParameterCovariance, Values, apart};
 
-/// Windows that a change takes: they count on neither side of it. A LiDAR that is knocked moves in
-/// the first, and its scan correction still believes that motion in the second.
+/// Windows during which a change happens: they count on neither side of it. A LiDAR that is knocked
+/// moves in the first, and its scan correction still believes that motion in the second.
 pub const ONSET_WINDOWS: usize = 2;
 /// Fewest windows after an onset.
 pub const WINDOWS_AFTER_MIN: usize = 3;
 /// Fewest windows before an onset.
 const WINDOWS_BEFORE_MIN: usize = 2;
-/// The parameters that a cause can move are the first of all.
+/// Number of the first parameters, among which are all that a cause can move.
 const MOVABLE: usize = 5;
 
 impl Evidence {
@@ -105,17 +105,17 @@ impl Reference {
 /// The onset and cause that explain the windows best.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accusation {
-    /// Which of [`HYPOTHESES`].
+    /// Index of its hypothesis in [`HYPOTHESES`].
     pub hypothesis: usize,
     /// Index of the window in which it happened.
     pub onset: usize,
-    /// By how much its threshold is exceeded.
+    /// Excess over its threshold.
     pub margin: f64,
     /// Squared residuals after the onset that it explains.
     explained: f64,
 }
 
-/// What speaks for a change in one window.
+/// Evidence for a change in one window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
     /// Index of the window.
@@ -128,16 +128,16 @@ pub struct Candidate {
     excluded: f64,
 }
 
-/// How windows are searched for a change.
+/// Parameters of the search of windows for a change.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Search {
-    /// How many times larger the noise (as a variance) is than the windows take it for.
+    /// Scale of the noise (as a variance, over that of the windows).
     pub noise_scale: f64,
     /// Squared length that one window may have; without a limit the question is what happened, with
     /// one it is whether anything did.
     pub window_chi2_max: f64,
-    /// Every onset is tried. Else they lie the wider the longer ago, a fifth apart: it is enough to
-    /// see that something happened.
+    /// True if every onset is tried. Else they lie the wider the longer ago, a fifth apart: it is
+    /// enough to detect that something happened.
     pub every_onset: bool,
 }
 
@@ -170,7 +170,7 @@ pub fn strongest<'a>(
     best.map(|(_, accusation)| accusation)
 }
 
-/// What speaks for a change at the onsets that have windows enough before and after them.
+/// Evidence for a change at the onsets that have windows enough before and after them.
 pub fn candidates<'a>(
     windows: impl Iterator<Item = &'a Window>,
     reference: &Reference,
@@ -228,8 +228,8 @@ fn summed<'a>(
     (terms, all)
 }
 
-/// Mean squared whitened residual of the windows after an accusation's onset, per degree of freedom, once
-/// the change is allowed for: near 1 when the cause explains what is seen.
+/// Mean squared whitened residual of the windows after an accusation's onset, per degree of
+/// freedom, once the change is allowed for: near 1 when the cause explains the evidence.
 pub fn misfit<'a>(
     windows: impl Iterator<Item = &'a Window>,
     reference: &Reference,
@@ -293,7 +293,7 @@ fn gained(both: &Information, after: &Information) -> Option<SMatrix<f64, MOVABL
     Some(columns.fixed_rows::<MOVABLE>(0) - half.tr_mul(&half))
 }
 
-/// What speaks for a cause at one onset.
+/// Evidence for a cause at one onset.
 #[derive(Debug, Clone, Copy, Default)]
 struct Support {
     /// Twice the log likelihood ratio against wander.
@@ -302,7 +302,7 @@ struct Support {
     explained: f64,
 }
 
-/// What speaks for each cause at one onset; `both` is the evidence before and after it.
+/// Evidence for each cause at one onset; `both` is the windows' evidence before and after it.
 fn compare(both: &Evidence, after: &Evidence, scale: f64) -> Option<[Support; CAUSES]> {
     // With both = L L', half = L^-1 I_a and forward = L^-1 eta:
     let common = both.information.cholesky()?;

@@ -1,4 +1,4 @@
-//! Windows of motion: what drive and LiDAR say of the same 0.4 m, and how far they disagree.
+//! Windows of motion: the same 0.4 m by drive and by LiDAR, and their disagreement.
 
 use std::collections::VecDeque;
 
@@ -13,17 +13,17 @@ use crate::filter::{OdometryReading, Values, apart, drive_parameters, lidar_in_b
 use crate::motion_noise::MotionNoise;
 use crate::stream::RobotTime;
 
-/// A window ends after this distance, m.
+/// Distance after which a window ends, m,
 const WINDOW_M: f64 = 0.4;
-/// Or after this turn, rad.
+/// or turn, rad.
 const WINDOW_RAD: f64 = 0.2;
-/// Poses later than this are not taken into the mean around an end, s.
+/// Time after an end up to which poses are averaged around it, s.
 const AROUND_S: f64 = 1.0;
 
-/// Least turn for each radian of steering over a window that says something about the steering.
+/// Least turn for each radian of steering over a window that shows anything of the steering.
 const STEERED_MIN: f64 = 0.1;
 
-/// What drive and LiDAR say of a window's way, before any statistics.
+/// Way of a window by drive and LiDAR, before any statistics.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Track {
     /// Way of the wheels, m.
@@ -40,11 +40,11 @@ pub struct Track {
     pub steering_sigma_rad: f64,
     /// Duration, s.
     pub duration_s: f64,
-    /// How far the LiDAR is from where the wheels would have taken it, m.
+    /// Distance of the LiDAR from where the wheels would have taken it, m.
     pub off_m: f64,
-    /// How far it is from any point of the way there, m: wheels that slip leave it on that way.
+    /// Distance of it from any point of the way there, m: wheels that slip leave it on that way.
     pub off_way_m: f64,
-    /// How well the LiDAR odometry knows its way, along the direction it knows least, m (one sigma).
+    /// Sigma of the LiDAR odometry's way, along the direction it knows least, m.
     pub odometry_sigma_m: f64,
 }
 
@@ -57,28 +57,28 @@ pub struct Window {
     pub end: RobotTime,
     /// Measured less predicted LiDAR motion, in the LiDAR's frame.
     pub residual: Vector3<f64>,
-    /// How the prediction moves with the parameters.
+    /// Derivatives of the prediction by the parameters.
     pub jacobian: ByParameters,
     /// Covariance of the residual at the right parameters.
     pub covariance: Matrix3<f64>,
     /// A right perturbation of the LiDAR at the beginning, carried to the end.
     pub carry: Matrix3<f64>,
-    /// What of the covariance is the motion's.
+    /// Part of the covariance that is the motion's.
     pub motion_covariance: Matrix3<f64>,
-    /// What of the covariance is the pose's at the end.
+    /// Part of the covariance that is the pose's at the end.
     pub end_covariance: Matrix3<f64>,
-    /// The parameters the residual was taken with.
+    /// The parameters of the residual.
     pub values: Values,
-    /// What drive and LiDAR say of its way.
+    /// Way of the window by drive and LiDAR.
     pub track: Track,
-    /// What of the residual is new.
+    /// Part of the residual that is new.
     pub innovation: Innovation,
-    /// What that says about the parameters.
+    /// Evidence of that part about the parameters.
     pub evidence: Evidence,
 }
 
 impl Innovation {
-    /// With `Cov(r_k, r_k-1) = -Ad(h^-1) R_k-1`; `own` is the window's residual as it is.
+    /// Whitens with `Cov(r_k, r_k-1) = -Ad(h^-1) R_k-1`; `own` is the window's residual as it is.
     fn after(own: Self, carry: &Matrix3<f64>, values: &Values, before: &Window) -> Option<Self> {
         let last = &before.innovation;
         let last_residual = last.residual + last.jacobian * apart(&before.values, values);
@@ -104,22 +104,22 @@ impl Innovation {
 pub struct WindowEnd {
     /// LiDAR time at its beginning and at its end.
     pub lasts: (RobotTime, RobotTime),
-    /// What drive and LiDAR say of its way.
+    /// Way of the window by drive and LiDAR.
     pub track: Track,
 }
 
-/// What a reading does to the windows, in this order.
+/// Effects of a reading on the windows, in this order.
 #[derive(Debug)]
 pub struct Cut<K> {
-    /// The window that ended before is complete: what was known at its beginning.
+    /// The ended window before, now complete, with the knowledge at its beginning.
     pub complete: Option<(Window, K)>,
-    /// A window ends with the reading.
+    /// The window that ends with the reading.
     pub end: Option<WindowEnd>,
-    /// That window, where it is complete at once.
+    /// Same window, where it is complete at once.
     pub complete_at_end: Option<(Window, K)>,
 }
 
-/// Where a window begins, and what is known then.
+/// Start of a window, and the knowledge then.
 #[derive(Debug, Clone)]
 struct Begin<K> {
     reading: OdometryReading,
@@ -142,7 +142,7 @@ struct Ended<K> {
 }
 
 impl<K> Ended<K> {
-    /// Whether a reading is still around the end; it is taken in then.
+    /// True if a reading is still around the end; it is averaged then.
     fn awaits(&mut self, reading: &OdometryReading, way: Way<'_>) -> bool {
         let (from, to) = (self.end.stamp, reading.stamp);
         let is_around = to.seconds_since(from) < AROUND_S
@@ -155,7 +155,7 @@ impl<K> Ended<K> {
     }
 }
 
-/// Cuts a robot's readings into windows, and keeps what is known at the beginning of each.
+/// Cuts a robot's readings into windows, and keeps the knowledge at the beginning of each.
 #[derive(Debug, Clone)]
 pub struct WindowCutter<K> {
     begin: Option<Begin<K>>,
@@ -178,8 +178,8 @@ impl<K> Default for WindowCutter<K> {
 }
 
 impl<K> WindowCutter<K> {
-    /// Begins again with the next reading; gives the window that has ended and still waited for poses, by
-    /// its single ones.
+    /// Begins again with the next reading; returns the window that has ended and still waited for
+    /// poses, by its single ones.
     pub fn restart(&mut self) -> Option<(Window, K)> {
         let mut former = std::mem::take(self);
         let ended = former.ended.take()?;
@@ -187,7 +187,7 @@ impl<K> WindowCutter<K> {
         Some((window, ended.begin.known))
     }
 
-    /// Takes a reading.
+    /// Adds a reading.
     pub fn push(
         &mut self,
         reading: &OdometryReading,
@@ -238,8 +238,8 @@ impl<K> WindowCutter<K> {
         });
     }
 
-    /// Ends a window with a reading. Where its pose is surer than the way of the window it is taken as it
-    /// is; else the poses that follow are awaited.
+    /// Ends a window with a reading. Where its pose is surer than the way of the window it is used
+    /// as it is; else the poses that follow are awaited.
     fn end(&mut self, begin: Begin<K>, end: &OdometryReading, way: Way<'_>, cut: &mut Cut<K>) {
         let Some(window) = measure(&begin.mean, end, way) else {
             self.before = None;
@@ -294,7 +294,7 @@ impl<K> WindowCutter<K> {
         Some((window, ended.begin.known))
     }
 
-    /// Takes from a window what the one before has told of the pose that they share.
+    /// Subtracts from a window what the one before has shown of the pose that they share.
     fn whiten(&mut self, mut window: Window, noise_scale: f64) -> Option<Window> {
         if let Some(before) = self.before.take()
             && let Some(new) =
@@ -308,7 +308,7 @@ impl<K> WindowCutter<K> {
     }
 }
 
-/// How far a reading is from another one, in windows.
+/// Distance of a reading from another one, in windows.
 fn windows_between(from: &OdometryReading, to: &OdometryReading, way: Way<'_>) -> f64 {
     let moved = from.lidar_in_odom.between(&to.lidar_in_odom).wrapped();
     let driven_m = way.driven_m(from.stamp, to.stamp);
@@ -411,7 +411,7 @@ mod tests {
 
     const PERIOD_NS: i64 = 50_000_000;
     const BEGIN_NS: i64 = 1_800_000_000_000_000_000;
-    /// Between poses, m: sixteen make a window.
+    /// Distance between poses, m: sixteen make a window.
     const STEP_M: f64 = 0.025;
 
     fn stamp(number: i64) -> RobotTime {
@@ -426,8 +426,8 @@ mod tests {
         }
     }
 
-    /// Cuts so many poses of a straight way; gives the numbers at which windows end, and of each that is
-    /// complete the numbers of its begin, its end and the one that was known at its begin.
+    /// Cuts so many poses of a straight way; returns the numbers at which windows end, and for each
+    /// complete one the numbers of its start, its end and the one that was known at its start.
     fn cut(
         cutter: &mut WindowCutter<i64>,
         poses: i64,

@@ -17,19 +17,21 @@ use crate::filter::{
     ASYMMETRY, CUBIC, Filter, QUADRATIC, STEERING_LAG, STEERING_PLAY, STEERING_SPREAD, Values,
 };
 
-/// What imperfections do together is more than their sum: behind a lag the wheel takes up its play later
-/// than the sensor, and stands between the encoder's steps. On two-sided routes that cancels. 600 simulated
-/// robots with every typical imperfection on a loop of left turns had steering zeros off by 0.041 degrees
-/// (root mean square) where the filter says 0.032 degrees; this, in quadrature, is what is missing, rad.
+/// Excess in error of imperfections together over their sum: behind a lag the wheel takes up its
+/// play later than the sensor, and stands between the encoder's steps. On two-sided routes that
+/// cancels. 600 simulated robots with every typical imperfection on a loop of left turns had
+/// steering zeros off by 0.041 degrees (root mean square) where the filter's sigma is 0.032
+/// degrees; this, in quadrature, is the missing part, rad.
 const ZERO_SIGMA_RAD: f64 = 0.000_44;
-/// The same where the turns went to one side, which cancels nothing: there the errors have long tails, and
-/// with less 2 of 600 such robots claimed a zero that was off by 0.15 degrees, rad (0.035 degrees).
+/// Same error where the turns went to one side, which cancels nothing: there the errors have long
+/// tails, and with less 2 of 600 such robots claimed a zero that was off by 0.15 degrees, rad
+/// (0.035 degrees).
 const ONE_SIDED_ZERO_SIGMA_RAD: f64 = 0.000_61;
-/// The same of a filter that began while the robot drove, as well: only a start shows apart from each
-/// other how late the wheels' messages are and how late the steering follows. Of 48 such robots on a loop
-/// of left turns, whose filters began again on the way, four claimed a zero that was off by 0.21 to 0.25
-/// degrees; all were off by 0.074 degrees (root mean square), those that began at rest by 0.041, rad
-/// (0.061 degrees).
+/// Same error of a filter that began while the robot drove, as well: only a start distinguishes the
+/// delay of the wheels' messages from the lag of the steering. Of 48 such robots on a loop of left
+/// turns, whose filters began again on the way, four claimed a zero that was off by 0.21 to 0.25
+/// degrees; all were off by 0.074 degrees (root mean square), those that began at rest by 0.041,
+/// rad (0.061 degrees).
 const UNSEEN_START_ZERO_SIGMA_RAD: f64 = 0.001_07;
 /// Number of the steering's parameters that are zero on a robot that obeys the model.
 const TERMS: usize = 7;
@@ -41,7 +43,7 @@ struct Term {
     parameter: usize,
     /// Its prior's standard deviation.
     sigma: f64,
-    /// Which imperfection it belongs to.
+    /// Number of the imperfection it belongs to.
     imperfection: usize,
 }
 
@@ -64,9 +66,9 @@ const ALL: [Term; TERMS] = [
 ];
 
 impl Filter {
-    /// What of the variance of the steering's zero no driving takes away, rad², on a robot that has every
-    /// imperfection with this probability, whose turns went to one side alone so far (0 to 1), and which
-    /// the filter saw start from rest, or not.
+    /// Part of the variance of the steering's zero that no driving removes, rad², on a robot that
+    /// has every imperfection with this probability, whose turns went to one side alone so far (0
+    /// to 1), and which the filter saw start from rest, or not.
     pub fn compound_zero_variance_rad2(
         probability: f64,
         one_sidedness: f64,
@@ -80,8 +82,8 @@ impl Filter {
         probability * (both + one_sidedness * (one - both))
     }
 
-    /// The probability that the robot has every imperfection, where its data scatter so many times more (as
-    /// variances) than the filter says.
+    /// The probability that the robot has every imperfection, where its data scatter so many times
+    /// more (as variances) than by the filter.
     pub fn probability_of_every_imperfection(&self, scatter: &Values) -> f64 {
         let against = |small: &dyn Fn(&Term) -> bool| {
             self.evidence_for_small(small, scatter)
@@ -94,8 +96,8 @@ impl Filter {
         1.0 / (1.0 + none + one / IMPERFECTIONS as f64)
     }
 
-    /// Twice the logarithm of how much more probable the data are where the terms chosen are a fifth of
-    /// what their priors say. `None` where that cannot be told.
+    /// Twice the logarithm of how much more probable the data are where the chosen terms are a
+    /// fifth of their priors. `None` where that cannot be computed.
     fn evidence_for_small(
         &self,
         is_small: &dyn Fn(&Term) -> bool,

@@ -27,11 +27,11 @@ use crate::vehicle::Vehicle;
 /// Share of half the play by which the steering's zero may be off: which side of it the wheel stands on is
 /// known by where it was sent to, not by where it went.
 const PLAY_SHARE: f64 = 0.1;
-/// By how much the body of a vehicle that only circles may point away from where its rear axle rolls, one
-/// standard deviation, rad (0.25 degrees): tyres drift, and no circle tells that from the LiDAR's yaw. A real
-/// car that turned right for 142 s claimed a yaw that was 0.87 degrees off.
+/// Sigma of the angle by which the body of a vehicle that only circles may point away from where
+/// its rear axle rolls, rad (0.25 degrees): tyres drift, and no circle distinguishes that from the
+/// LiDAR's yaw. A real car that turned right for 142 s claimed a yaw that was 0.87 degrees off.
 const CIRCLING_YAW_SIGMA_RAD: f64 = 0.004_4;
-/// Standard deviation of the scale of a LiDAR's ranges, which docs/assumptions.md takes for typical.
+/// Standard deviation of the scale of a LiDAR's ranges, typical by docs/assumptions.md.
 const RANGE_SCALE_SIGMA: f64 = 0.005;
 
 /// Effect of one term on all parameters.
@@ -73,7 +73,7 @@ pub struct Grounds<'a> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Claim {
     values: Values,
-    /// Where the covariance that is widened comes from.
+    /// Source of the covariance that is widened.
     source: SigmaSource,
     known: ParameterCovariance,
     terms: Vec<Term>,
@@ -198,8 +198,8 @@ impl Claim {
         self.sigma_of(parameter, |_| true)
     }
 
-    /// Sigma that a status is judged by: the published one without the scale of the LiDAR's ranges. No
-    /// driving tells that, so that no parameter waits for it.
+    /// Sigma that a status is judged by: the published one without the scale of the LiDAR's ranges.
+    /// No driving shows that, so that no parameter waits for it.
     pub fn judged_sigma(&self, parameter: Parameter) -> f64 {
         self.sigma_of(parameter, |source| source != SigmaSource::RangeScale)
     }
@@ -311,7 +311,7 @@ fn fold(known: &ParameterCovariance, terms: &[Term]) -> ParameterCovariance {
     covariance
 }
 
-/// Configured errors that averaging does not take away, of each parameter that has an error at all.
+/// Configured errors that averaging does not remove, of each parameter that has an error at all.
 fn systematic(covariance: &ParameterCovariance, settings: &EstimatorSettings) -> Term {
     let mut sigmas = Values::zeros();
     for parameter in Parameter::ALL {
@@ -326,8 +326,8 @@ fn systematic(covariance: &ParameterCovariance, settings: &EstimatorSettings) ->
     }
 }
 
-/// The scale of the LiDAR's ranges passes for that of the speed on the straight, and stretches the mount
-/// in turns.
+/// Term of the scale of the LiDAR's ranges, which passes for that of the speed on the straight, and
+/// stretches the mount in turns.
 fn range_scale(values: &Values) -> Term {
     let mut sigmas = Values::zeros();
     for parameter in Parameter::ALL {
@@ -347,8 +347,9 @@ fn scale_sigma(parameter: Parameter, value: f64) -> f64 {
     }
 }
 
-/// An estimate as it is compared with values that the same LiDAR has measured. The scale of its ranges
-/// (1 sigma: 0.5 % of the mount's x and y, m) is off alike in both, and no part of their difference.
+/// An estimate for a comparison with values that the same LiDAR has measured. The scale of its
+/// ranges (1 sigma: 0.5 % of the mount's x and y, m) is off alike in both, and no part of their
+/// difference.
 #[must_use]
 pub fn without_range_scale(mut estimate: Estimate) -> Estimate {
     for parameter in [Parameter::LidarX, Parameter::LidarY] {
@@ -368,8 +369,8 @@ pub fn without_range_scale(mut estimate: Estimate) -> Estimate {
     estimate
 }
 
-/// The covariance that leaves the estimator: that of the errors as they go together, with each
-/// parameter's reported sigma.
+/// The covariance that leaves the estimator: the errors as they go together, with each parameter's
+/// reported sigma.
 pub fn reported_covariance(
     parameters: &ParameterEstimates,
     covariance: &ParameterCovariance,

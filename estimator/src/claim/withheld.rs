@@ -2,21 +2,21 @@
 
 use crate::estimate::Parameter;
 
-/// What a driver is asked for where a value cannot be one of a vehicle.
+/// Request to a driver where a value cannot be one of a vehicle.
 const CHECK_VEHICLE: &str = "a look at the vehicle and its configuration: this cannot be";
-/// What is asked for the time offset of clouds whose points have no times.
+/// Request for the time offset of clouds whose points have no times.
 const POINT_TIMES: &str = "clouds whose points have a time, or ignore_times in point_cloud where they were all \
     taken at once: without, nobody knows when in a turn the scanner looked where";
 
 /// Reason for which a value is withheld.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Withheld {
-    /// A value is beyond what a vehicle can be. All values explain the same motion: where one of them is
-    /// impossible, none is claimed.
+    /// Value beyond the limits of a vehicle. All values explain the same motion: where one of them
+    /// is impossible, none is claimed.
     Impossible,
-    /// Points of clouds have no times, so that the time offset may be off by a part of a turn.
+    /// Clouds whose points have no times, so that the time offset may be off by a part of a turn.
     PointTimes,
-    /// A change of the parameter would go unseen.
+    /// Change of the parameter that would go unseen.
     Blind,
 }
 
@@ -43,7 +43,7 @@ impl Withheld {
         }
     }
 
-    /// What the value waits for, in words; `None` where driving is enough.
+    /// Need of the value, in words; `None` where driving is enough.
     pub fn needs(self) -> Option<&'static str> {
         match self {
             Self::Impossible => Some(CHECK_VEHICLE),

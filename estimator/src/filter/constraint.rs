@@ -20,11 +20,11 @@ pub type ByParameters = SMatrix<f64, 3, PARAMETERS>;
 pub struct LidarMotion {
     /// `h = X^-1 B X`.
     pub end_in_begin: Pose2,
-    /// By the right perturbation of the body's motion: `Ad(X^-1)`.
+    /// Derivatives by the right perturbation of the body's motion: `Ad(X^-1)`.
     pub by_body: Matrix3<f64>,
     /// A right perturbation of the LiDAR at the beginning, carried to the end: `Ad(h^-1)`.
     pub carry: Matrix3<f64>,
-    /// By x, y and yaw of the mount.
+    /// Derivatives by x, y and yaw of the mount.
     pub by_mount: Matrix3<f64>,
 }
 
@@ -44,7 +44,7 @@ impl LidarMotion {
         }
     }
 
-    /// By all calibration parameters, for a motion that began exactly known.
+    /// Derivatives by all calibration parameters, for a motion that began exactly known.
     pub fn by_parameters(
         &self,
         motion: &PredictedMotion,

@@ -1,4 +1,4 @@
-//! Following a robot: which readings the filter takes, when, and from which anchor.
+//! Following a robot: the readings that the filter uses, their time, and their anchor.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,27 +10,28 @@ use crate::settings::EstimatorSettings;
 use crate::stream::RobotTime;
 use crate::vehicle::SteeringResponse;
 
-/// A reading is used once the robot has moved this far since the last one used: readings of a robot
-/// at rest repeat one error and would be averaged as if they were many.
+/// Way since the last used reading after which one is used, m: readings of a robot at rest repeat
+/// one error and would be averaged as if they were many.
 const MOVED_MIN_M: f64 = 0.02;
-/// The same for turning, rad.
+/// Turn after which one is used, rad.
 const MOVED_MIN_RAD: f64 = 0.01;
-/// Drive samples are waited for this much longer than the time offset says: the reading itself may change
+/// Time beyond the time offset for which drive samples are awaited: the reading itself may change
 /// it, s.
 const DUE_MARGIN_S: f64 = 0.03;
-/// A new anchor is placed after turning this far, rad.
+/// Turn after which a new anchor is placed, rad.
 const ANCHOR_TURN_RAD: f64 = 2.0;
 
-/// What became of a reading.
+/// Result of following a reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Followed {
-    /// It is the anchor now; nothing was measured.
+    /// Reading that is the anchor now; nothing was measured.
     Anchored,
-    /// The robot has not moved: kept for later.
+    /// Reading of a robot that has not moved: kept for later.
     AtRest,
-    /// The filter was updated.
+    /// Reading that the filter was updated with.
     Updated(Moved),
-    /// It could not be used: its drive time lies behind the filter's, or ahead of all drive samples.
+    /// Reading that could not be used: its drive time lies behind the filter's, or ahead of all
+    /// drive samples.
     Unusable,
 }
 
@@ -45,7 +46,7 @@ pub struct Moved {
     pub turn_rad: f64,
 }
 
-/// A filter and how far it has come.
+/// A filter and its progress.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Follower {
     /// The filter.
@@ -77,7 +78,7 @@ impl Follower {
     }
 
     /// The drive time until which samples have to be there for a reading: where the sensor of the
-    /// steering is behind the wheel, what it says comes later.
+    /// steering is behind the wheel, its readings arrive later.
     pub fn due(&self, reading: &OdometryReading, settings: &EstimatorSettings) -> RobotTime {
         let SteeringResponse { lag_s, spread_s2 } = steering_response(self.filter.values());
         let early_s = (spread_s2.sqrt() - lag_s).max(0.0);
@@ -91,13 +92,13 @@ impl Follower {
         Some((stamp, self.filter.base_in_odom()?))
     }
 
-    /// Gives up the anchor: what comes next does not compare with what was.
+    /// Gives up the anchor: the next poses do not compare with those before.
     pub fn lose_anchor(&mut self) {
         self.filter.lose_anchor();
         self.reached = None;
     }
 
-    /// Takes a reading whose drive samples are all in the history.
+    /// Follows a reading whose drive samples are all in the history.
     pub fn follow(
         &mut self,
         reading: &OdometryReading,

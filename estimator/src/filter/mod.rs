@@ -1,10 +1,10 @@
 //! The extended Kalman filter over body motion and calibration, with a cloned anchor.
 //!
 //! The state is the body's motion since an anchor (3), the LiDAR odometry's own error at that
-//! anchor (3), and the parameters: those of the calibration, and what the vehicle does beyond. Motion *since the anchor* instead of two poses
-//! in a world frame removes the three directions nothing can observe. Every few metres the newest
-//! pose becomes the anchor, so that an old odometry error cannot live on and a LiDAR that was moved
-//! is seen from then on.
+//! anchor (3), and the parameters: those of the calibration, and those of the vehicle beyond.
+//! Motion *since the anchor* instead of two poses in a world frame removes the three directions
+//! nothing can observe. Every few metres the newest pose becomes the anchor, so that an old
+//! odometry error cannot live on and a moved LiDAR shows from then on.
 //!
 //! Perturbations of poses are right (local) ones: `pose_true = pose * exp(error)`.
 
@@ -57,7 +57,7 @@ pub struct OdometryReading {
     pub covariance: Matrix3<f64>,
 }
 
-/// What the motion is measured from.
+/// Anchor that the motion is measured from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Anchor {
     lidar_in_odom: Pose2,
@@ -76,13 +76,13 @@ pub struct Innovation {
     pub nis: f64,
 }
 
-/// Largest normalised innovation squared taken at full weight; beyond it the measurement's noise
-/// is widened until it fits, so that no outlier steers the filter and none starves it.
+/// Largest normalised innovation squared at full weight; beyond it the measurement's noise is
+/// widened until it fits, so that no outlier steers the filter and none starves it.
 const NIS_FULL_WEIGHT_MAX: f64 = 16.3;
 
 /// Share by which one update may change the noise scale, for each unit of NIS over the tolerated one.
 const NOISE_LEARNING_RATE: f64 = 0.02;
-/// Mean NIS that is taken as right: 3 are expected, and a hair more is no reason to widen.
+/// Mean NIS that counts as right: 3 are expected, and a hair more is no reason to widen.
 const NIS_TOLERATED: f64 = 3.4;
 /// Largest share of the tolerated NIS that one update counts for.
 const NIS_EXCESS_MAX: f64 = 10.0;
@@ -96,7 +96,8 @@ pub struct Filter {
     /// Written for instances of the version before, which do not read a filter without it.
     #[serde(default)]
     form: Measurement,
-    /// As configured. A stored one is not read: a version may know settings that another does not.
+    /// Noise as configured. A stored one is not read: a version may know settings that another does
+    /// not.
     #[serde(deserialize_with = "as_configured")]
     noise: MotionNoise,
     #[serde(with = "padded")]
@@ -115,10 +116,10 @@ pub struct Filter {
     /// Distance and turn since the anchor.
     since_anchor_m: f64,
     since_anchor_rad: f64,
-    /// What a shift of the drive's time changes since the anchor.
+    /// Changes by a shift of the drive's time since the anchor.
     #[serde(default)]
     by_time_shift: ByTimeShift,
-    /// How much larger the noise (as a variance) is than configured, at least 1: learnt from the
+    /// Scale of the noise (as a variance, over the configured one), at least 1: learnt from the
     /// innovations, so that a rougher vehicle or a poorer LiDAR only widens the sigmas.
     noise_scale: f64,
 }
@@ -158,12 +159,12 @@ impl Filter {
         self.noise = settings.motion_noise;
     }
 
-    /// How much larger the noise (as a variance) has turned out than configured, at least 1.
+    /// Scale of the noise (as a variance, over the configured one), at least 1.
     pub fn noise_scale(&self) -> f64 {
         self.noise_scale
     }
 
-    /// How far a driven metre can go astray, as configured.
+    /// Noise of a driven metre, as configured.
     pub fn motion_noise(&self) -> &MotionNoise {
         &self.noise
     }
@@ -190,7 +191,7 @@ impl Filter {
         lidar_in_base(&self.values)
     }
 
-    /// Whether there is an anchor to measure from.
+    /// True if there is an anchor to measure from.
     pub fn is_anchored(&self) -> bool {
         self.anchor.is_some()
     }
@@ -217,7 +218,7 @@ impl Filter {
         (self.since_anchor_m, self.since_anchor_rad)
     }
 
-    /// Parameters as the vehicle model takes them.
+    /// Parameters of the vehicle model.
     pub fn drive_parameters(&self) -> DriveParameters {
         drive_parameters(&self.values)
     }
@@ -229,8 +230,8 @@ impl Filter {
         self.predicted.advance(vehicle, &parameters, noise, segment);
     }
 
-    /// Gives up the anchor, and with it what is known of the motion since: what comes next does not
-    /// compare with what was (a gap, a new map).
+    /// Gives up the anchor, and with it the motion since: the next poses do not compare with those
+    /// before (a gap, a new map).
     pub fn lose_anchor(&mut self) {
         self.anchor = None;
         self.body_in_anchor = Pose2::IDENTITY;
@@ -308,8 +309,8 @@ impl Filter {
         Some(Innovation { residual, nis })
     }
 
-    /// Opens parameters again after a change: adds uncertainty to them, and forgets what they have to do
-    /// with all others, which was learnt on another vehicle.
+    /// Opens parameters again after a change: adds uncertainty to them, and forgets their
+    /// correlations with all others, which were learnt on another vehicle.
     pub fn reopen(&mut self, parameters: &[Parameter], sigma: impl Fn(Parameter) -> f64) {
         for &parameter in parameters {
             let i = CALIBRATION + parameter.index();
@@ -320,7 +321,7 @@ impl Filter {
         }
     }
 
-    /// Takes up the steering's curve, of which a filter of an earlier estimator knows nothing.
+    /// Opens the steering's curve, which a filter of an earlier estimator lacks.
     pub fn open_curve(&mut self, prior: &Prior) {
         let gain = Parameter::SteeringGain.index();
         for parameter in std::iter::once(gain).chain(SIDE_SLIP + 1..PARAMETERS) {
@@ -332,7 +333,7 @@ impl Filter {
         }
     }
 
-    /// Fuses what is known of some parameters from elsewhere, as one measurement of them.
+    /// Fuses knowledge of some parameters from elsewhere, as one measurement of them.
     pub fn fuse(
         &mut self,
         parameters: &[Parameter; 4],
@@ -488,7 +489,7 @@ struct FreshAnchor {
 }
 
 impl FreshAnchor {
-    /// With `e_k ~ N(0, R)` in `r = H x + e_k`: mean `R S^-1 r`, covariance `R - R S^-1 R`, and
+    /// Error by `e_k ~ N(0, R)` in `r = H x + e_k`: mean `R S^-1 r`, covariance `R - R S^-1 R`, and
     /// covariance with the state `-R S^-1 H P`, whatever gain the state was updated with.
     fn of(
         noise: &Matrix3<f64>,
@@ -519,7 +520,7 @@ fn normalised_square(covariance: &Matrix3<f64>, residual: &Vector3<f64>) -> Opti
     Some(residual.dot(&solved))
 }
 
-/// A covariance without what rounding made of its symmetry.
+/// A covariance made symmetric again after rounding.
 pub(crate) fn symmetric<const N: usize>(covariance: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
     (covariance + covariance.transpose()) * 0.5
 }

@@ -1,7 +1,8 @@
-//! Vectors and matrices of the filter in a checkpoint. Stored ones have an order of their own, that in which
-//! parameters came to be known: where a new one is published and stands among the others in memory, those that
-//! are stored keep their places. Those of an earlier estimator, which knew fewer parameters, are read as well
-//! (what came later is missing at the end, and zero), and covariances are written by halves.
+//! Vectors and matrices of the filter in a checkpoint. Stored ones have an order of their own, that
+//! in which parameters came to be known: where a new one is published and stands among the others
+//! in memory, those that are stored keep their places. Those of an earlier estimator, which knew
+//! fewer parameters, are read as well (later ones are missing at the end, and zero), and
+//! covariances are written by halves.
 
 use nalgebra::{SMatrix, SVector};
 use serde::de::{DeserializeOwned, Error};
@@ -10,10 +11,10 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::parameters::STORED;
 use super::{CALIBRATION, DIM, PARAMETERS};
 
-/// Where the states of the filter stand in memory, in the order in which they are stored.
+/// Indices of the filter's states in memory, in the order in which they are stored.
 const STORED_STATE: [usize; DIM] = state_of(&STORED);
 
-/// Motion and anchor stand before the parameters.
+/// Indices of a state: motion and anchor stand before the parameters.
 const fn state_of<const N: usize, const M: usize>(parameters: &[usize; N]) -> [usize; M] {
     let mut state = [0; M];
     let mut i = 0;
@@ -31,7 +32,7 @@ const fn state_of<const N: usize, const M: usize>(parameters: &[usize; N]) -> [u
 /// A matrix whose last columns may be missing.
 ///
 /// # Errors
-/// When there are more numbers than it holds, or no whole column of them.
+/// Returns an error when there are more numbers than it holds, or no whole column of them.
 pub fn columns<'de, D, const R: usize, const C: usize>(
     deserializer: D,
 ) -> Result<SMatrix<f64, R, C>, D::Error>
@@ -109,7 +110,7 @@ fn gathered<const N: usize>(matrix: &SMatrix<f64, N, N>, order: &[usize; N]) -> 
     columns.collect()
 }
 
-/// What a checkpoint holds in that order.
+/// Content of a checkpoint in that order.
 pub trait Stored: Sized {
     /// The numbers in the order.
     type Numbers: Serialize + DeserializeOwned;
@@ -185,18 +186,18 @@ impl Stored for [bool; PARAMETERS] {
     }
 }
 
-/// Writes what is stored in that order.
+/// Writes stored content in that order.
 ///
 /// # Errors
-/// Those of the serializer.
+/// Returns those of the serializer.
 pub fn serialize<T: Stored, S: Serializer>(value: &T, serializer: S) -> Result<S::Ok, S::Error> {
     value.gather().serialize(serializer)
 }
 
-/// Reads what is stored in that order.
+/// Reads stored content in that order.
 ///
 /// # Errors
-/// When there are more numbers than it holds, or those of a matrix are not square.
+/// Returns an error when there are more numbers than it holds, or those of a matrix are not square.
 pub fn deserialize<'de, T: Stored, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
     let numbers = T::Numbers::deserialize(deserializer)?;
     T::of(&numbers).ok_or_else(|| {
@@ -207,10 +208,10 @@ pub fn deserialize<'de, T: Stored, D: Deserializer<'de>>(deserializer: D) -> Res
     })
 }
 
-/// Flags of what is published, the last of which may be missing and are unset then.
+/// Flags of published parameters, the last of which may be missing and are unset then.
 ///
 /// # Errors
-/// When there are more.
+/// Returns an error when there are more.
 pub fn published<'de, D, const N: usize>(deserializer: D) -> Result<[bool; N], D::Error>
 where
     D: Deserializer<'de>,
@@ -227,7 +228,7 @@ mod tests {
     /// A layout with a ninth published parameter, which came after the seven hidden ones.
     const NINE: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13, 14, 15, 8];
 
-    /// What is stored by today's layout: a number for each parameter, the same in each.
+    /// Numbers stored by today's layout: one for each parameter, the same in each.
     fn by_today() -> [f64; 15] {
         std::array::from_fn(|i| i as f64 + 1.0)
     }
@@ -265,7 +266,7 @@ mod tests {
         assert_eq!(of_state[14..], [15, 16, 17, 18, 19, 20, 21, 14]);
     }
 
-    /// The order is that of checkpoints which robots have: who adds a parameter writes it behind these.
+    /// Order of the checkpoints that robots have: a new parameter is written behind these.
     #[test]
     fn stored_parameters_keep_their_places() {
         use crate::estimate::Parameter as P;

@@ -1,5 +1,5 @@
-//! State of the filter: the parameters of a calibration and what a vehicle does beyond, where each stands,
-//! and what the vehicle model makes of them.
+//! State of the filter: the parameters of a calibration and those of the vehicle beyond, their
+//! places, and the vehicle model's parameters made of them.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -10,23 +10,24 @@ use crate::vehicle::{BY_SPEED_LEAD, DriveParameters, SteeringCurve, SteeringResp
 /// Number of parameters in the filter: those of [`Parameter::ALL`], the side slip, and the steering's
 /// asymmetry, quadratic and cubic term, the lag and spread of its response, and half its play.
 pub const PARAMETERS: usize = Parameter::ALL.len() + 7;
-/// Where the side slip stands among them. It is no calibration and is not published, but what is not
-/// known of it goes into `x_off`: at a speed `v` it shifts the LiDAR by `-c |v| v`.
+/// Index of the side slip among them. It is no calibration and is not published, but its
+/// uncertainty goes into `x_off`: at a speed `v` it shifts the LiDAR by `-c |v| v`.
 pub const SIDE_SLIP: usize = Parameter::ALL.len();
-/// Where the steering's asymmetry stands among them.
+/// Index of the steering's asymmetry among them.
 pub const ASYMMETRY: usize = SIDE_SLIP + 1;
-/// Where the quadratic term of the steering stands among them.
+/// Index of the quadratic term of the steering among them.
 pub const QUADRATIC: usize = SIDE_SLIP + 2;
-/// Where the cubic term of the steering stands among them.
+/// Index of the cubic term of the steering among them.
 pub const CUBIC: usize = SIDE_SLIP + 3;
-/// Where the steering's lag behind its sensor stands among them.
+/// Index of the steering's lag behind its sensor among them.
 pub const STEERING_LAG: usize = SIDE_SLIP + 4;
-/// Where the spread of the steering's response stands among them.
+/// Index of the spread of the steering's response among them.
 pub const STEERING_SPREAD: usize = SIDE_SLIP + 5;
-/// Where half the play of the steering stands among them.
+/// Index of half the play of the steering among them.
 pub const STEERING_PLAY: usize = SIDE_SLIP + 6;
-/// Where the parameters stand, in the order in which checkpoints hold them: that in which they came to be known.
-/// Stored numbers have no names but their place, so a new one comes last here, published or not.
+/// Indices of the parameters, in the order in which checkpoints hold them: that in which they came
+/// to be known. Stored numbers have no names but their place, so a new one comes last here,
+/// published or not.
 pub(super) const STORED: [usize; PARAMETERS] = [
     Parameter::SteeringOffset.index(),
     Parameter::LidarX.index(),
@@ -44,11 +45,11 @@ pub(super) const STORED: [usize; PARAMETERS] = [
     STEERING_SPREAD,
     STEERING_PLAY,
 ];
-/// No wheel is further behind its sensor, or before it, s.
+/// Largest lag of a wheel behind its sensor, or before it, s.
 const STEERING_LAG_MAX_S: f64 = 0.5;
-/// Nor is its response wider, s^2.
+/// Largest spread of its response, s^2.
 const STEERING_SPREAD_MAX_S2: f64 = 0.25;
-/// Where the drive parameters stand among the parameters.
+/// Indices of the drive parameters among the parameters.
 pub const DRIVE_PARAMETER: [usize; BY_SPEED_LEAD] = [
     Parameter::SteeringOffset.index(),
     Parameter::SpeedScale.index(),
@@ -63,7 +64,7 @@ pub const DRIVE_PARAMETER: [usize; BY_SPEED_LEAD] = [
     STEERING_PLAY,
 ];
 
-/// Values of the parameters, in the order of [`Parameter::ALL`], then what the vehicle does beyond.
+/// Values of the parameters, in the order of [`Parameter::ALL`], then those of the vehicle beyond.
 pub type Values = SVector<f64, PARAMETERS>;
 /// Their covariance.
 pub type ParameterCovariance = SMatrix<f64, PARAMETERS, PARAMETERS>;
@@ -85,8 +86,8 @@ pub fn lidar_in_base(values: &Values) -> Pose2 {
     )
 }
 
-/// The steering's response as far as readings take it in: samples are kept and waited for that long,
-/// and what a sensor smoothed cannot be made out of it again.
+/// The steering's response as far as readings include it: samples are kept and awaited for that
+/// long, and a sensor's smoothing cannot be undone.
 pub fn steering_response(values: &Values) -> SteeringResponse {
     SteeringResponse {
         lag_s: values[STEERING_LAG].clamp(-STEERING_LAG_MAX_S, STEERING_LAG_MAX_S),

@@ -31,9 +31,9 @@ pub type ByDriveParameters = SMatrix<f64, 3, DRIVE_PARAMETERS>;
 pub struct PredictedMotion {
     /// `begin_from_end`.
     pub end_in_begin: Pose2,
-    /// By the right perturbation at the beginning.
+    /// Derivatives by the right perturbation at the beginning.
     pub by_begin: Matrix3<f64>,
-    /// By the drive parameters.
+    /// Derivatives by the drive parameters.
     #[serde(deserialize_with = "padded::columns")]
     pub by_parameters: ByDriveParameters,
     /// Process noise.
@@ -116,9 +116,10 @@ impl PredictedMotion {
     }
 }
 
-/// What a shift of the drive's time changes in a motion, as its right perturbation over the shift in seconds:
-/// what a lead of the speed does, and the reverse of what a lag of the steering does. Made of those two, it
-/// knows nothing of the shift that they don't: where the speed is constant, a shift and a lag are one.
+/// Changes of a motion by a shift of the drive's time, as its right perturbation over the shift in
+/// seconds: those by a lead of the speed, and the reverse of those by a lag of the steering. Made
+/// of those two, it contains nothing of the shift that they don't: where the speed is constant, a
+/// shift and a lag are one.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ByTimeShift {
     speed: Vector3<f64>,
@@ -126,12 +127,12 @@ pub struct ByTimeShift {
 }
 
 impl ByTimeShift {
-    /// Of a motion that began exactly known.
+    /// Changes of a motion that began exactly known.
     pub fn of(motion: &PredictedMotion) -> Self {
         Self::default().after(motion)
     }
 
-    /// Of what went before and a motion that followed.
+    /// Changes of the motion before and one that followed.
     #[must_use]
     pub fn after(&self, motion: &PredictedMotion) -> Self {
         let (carry, by) = (&motion.by_begin, &motion.by_parameters);
@@ -141,9 +142,9 @@ impl ByTimeShift {
         }
     }
 
-    /// Both together, for speeds at both ends. Where these differ by no more than `speed_noise_mps` they
-    /// are taken for equal: speed alone tells a shift from a lag of the steering, and its noise must not
-    /// pass for knowledge of that.
+    /// Changes by both together, for speeds at both ends. Where these differ by no more than
+    /// `speed_noise_mps` they count as equal: speed alone distinguishes a shift from a lag of the
+    /// steering, and its noise must not pass for knowledge of that.
     pub fn between(&self, speeds_mps: (f64, f64), speed_noise_mps: f64) -> Vector3<f64> {
         if (speeds_mps.1 - speeds_mps.0).abs() <= speed_noise_mps {
             self.steering

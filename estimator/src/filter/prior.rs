@@ -11,27 +11,31 @@ use crate::geometry::Pose2;
 use crate::settings::{EstimatorSettings, Freedom};
 use crate::vehicle::{Vehicle, VehicleModel};
 
-/// What docs/assumptions.md takes for typical: the gain differs by 1 % between left and right,
+/// Sigma of the asymmetry, typical by docs/assumptions.md: the gain differs by 1 % between left and
+/// right.
 pub(crate) const ASYMMETRY_SIGMA: f64 = 0.01;
-/// the curve departs by 0.3 degrees at 20 degrees, 1/rad
+/// Sigma of the quadratic term, typical there: the curve departs by 0.3 degrees at 20 degrees,
+/// 1/rad,
 pub(crate) const QUADRATIC_SIGMA_PER_RAD: f64 = 0.043;
-/// or 1/rad^2.
+/// and of the cubic term, 1/rad^2.
 pub(crate) const CUBIC_SIGMA_PER_RAD2: f64 = 0.12;
-/// The wheel is a tenth of a second behind its sensor, or before it, s.
+/// Sigma of the steering's lag: the wheel is a tenth of a second behind its sensor, or before it,
+/// s.
 pub(crate) const STEERING_LAG_SIGMA_S: f64 = 0.1;
-/// And its response as wide as that of a first-order lag of a tenth of a second, s^2.
+/// Sigma of its spread: a response as wide as that of a first-order lag of a tenth of a second,
+/// s^2.
 pub(crate) const STEERING_SPREAD_SIGMA_S2: f64 = 0.01;
-/// Half of the play is a quarter of a degree, rad.
+/// Sigma of half the play: a quarter of a degree, rad.
 pub(crate) const STEERING_PLAY_SIGMA_RAD: f64 = 0.0044;
 
 /// Values, uncertainties and freedoms of the parameters at a filter's start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Prior {
-    /// Values, in the order of [`Parameter::ALL`], then what the vehicle does beyond.
+    /// Values, in the order of [`Parameter::ALL`], then those of the vehicle beyond.
     pub values: Values,
     /// Their covariance.
     pub covariance: ParameterCovariance,
-    /// Which values the filter may not change.
+    /// True for each value that the filter may not change.
     pub held: [bool; PARAMETERS],
     /// Slow drift, standard deviation per root second.
     pub random_walk_per_sqrt_s: Values,
@@ -88,14 +92,14 @@ impl Prior {
     }
 }
 
-/// Whether the steering may have a curve. A linkage bends it; a tricycle's sensor sits on the axis of the
-/// very wheel that steers.
+/// True if the steering may have a curve. A linkage bends it; a tricycle's sensor sits on the axis
+/// of the very wheel that steers.
 fn has_curve(vehicle: &Vehicle) -> bool {
     vehicle.model == VehicleModel::Bicycle
 }
 
-/// A gain that is not told is a state all the same, as long as no free wheelbase takes its part: no
-/// linkage is without one.
+/// True if an unpublished gain is a state all the same, which it is unless a free wheelbase takes
+/// its part: no linkage is without one.
 fn has_hidden_gain(vehicle: &Vehicle, settings: &EstimatorSettings) -> bool {
     has_curve(vehicle)
         && settings.freedom(Parameter::SteeringGain) == Freedom::Off

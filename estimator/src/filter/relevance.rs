@@ -1,15 +1,15 @@
 //! Posterior of a filter with as much of the steering's curve as its data need.
 //!
-//! Most steerings are straight. Asymmetry and quadratic term have wide priors all the same, and where
-//! the motion does not tell them from the steering's zero (a figure-eight knows two angles only), the
-//! zero is as open as they are. So each is taken as small, a share of its prior, as long as the
-//! evidence of the data does not speak against it (automatic relevance determination, with two
-//! choices).
+//! Most steerings are straight. Asymmetry and quadratic term have wide priors all the same, and
+//! where the motion does not distinguish them from the steering's zero (a figure-eight knows two
+//! angles only), the zero is as open as they are. So each is assumed small, a share of its prior,
+//! as long as the evidence of the data does not speak against it (automatic relevance
+//! determination, with two choices).
 //!
 //! With the posterior `N(m, V)` of some under the prior `W`, the one under `S` adds the information
 //! `A = S^-1 - W^-1`, and the data are more probable under `S` by
-//! `ln |W|/|S| - ln |I + A V| - m' (A^-1 + V)^-1 m`, halved. Data that scatter more than the filter
-//! says speak the less against `S`: the last term is divided by how much more.
+//! `ln |W|/|S| - ln |I + A V| - m' (A^-1 + V)^-1 m`, halved. Data that scatter more than by the
+//! filter speak the less against `S`: the last term is divided by how much more.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -17,10 +17,10 @@ use super::prior::{ASYMMETRY_SIGMA, QUADRATIC_SIGMA_PER_RAD};
 use super::{ASYMMETRY, Filter, PARAMETERS, ParameterCovariance, QUADRATIC, Values};
 use crate::estimate::Parameter;
 
-/// An explanation is as good as the best one when the data are less probable by no more than this:
-/// twice the logarithm.
+/// Largest excess of evidence (twice the logarithm) of the best explanation over one that is as
+/// good.
 const AS_GOOD: f64 = 6.0;
-/// What an explanation counts less for, as a share, where it is that much less probable: a term that passes
+/// Discount of an explanation, as a share, where it is that much less probable: a term that passes
 /// for 2.5 sigmas in the best explanation passes for 4 in one that is hardly as good.
 const LESS_BEHIND: f64 = 0.375;
 /// Share of its prior that a part has while it is small.
@@ -37,7 +37,7 @@ struct Part {
     sigma: f64,
 }
 
-/// The parts; the gain is small only to ask whether a quadratic term explains as much.
+/// The parts; the gain is small only to find whether a quadratic term explains as much.
 const ALL: [Part; PARTS] = [
     part(ASYMMETRY, ASYMMETRY_SIGMA),
     part(QUADRATIC, QUADRATIC_SIGMA_PER_RAD),
@@ -65,7 +65,7 @@ impl Part {
     }
 }
 
-/// What is known of the parameters.
+/// Knowledge of the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Known {
     /// Values.
@@ -86,7 +86,7 @@ struct Choice {
 
 impl Filter {
     /// Values and covariance of the parameters, with as much of the steering's imperfections as the
-    /// data ask for, which scatter so many times more (as variances) than the filter says.
+    /// data need, which scatter so many times more (as variances) than by the filter.
     pub fn known(&self, scatter: &Values) -> Known {
         let all = Known {
             values: *self.values(),

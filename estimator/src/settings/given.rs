@@ -33,7 +33,7 @@ impl<T> Default for Given<T> {
     }
 }
 
-/// What was given, and the default of every key that was not.
+/// Given values, and the default of every key that was not given.
 fn over<'de, D, T>(
     from: D,
     table: fn(EstimatorSettings) -> PerParameter<T>,

@@ -1,13 +1,14 @@
-//! Vehicle models: how measured speed and steering move the rear axle.
+//! Vehicle models: the rear axle's motion by measured speed and steering.
 //!
-//! A model is one file with one function, `motion`: it gives the rear axle's speed and yaw rate and
-//! their derivatives by the parameters. Everything else (prediction, initial guess, advice) is
+//! A model is one file with one function, `motion`: it returns the rear axle's speed and yaw rate
+//! and their derivatives by the parameters. Everything else (prediction, initial guess, advice) is
 //! written on [`Motion`] and knows no model.
 //!
-//! Each term is named with what it does when the drive is *mirrored* (left for right: steering, yaw
-//! rate and side speed change sign) and when it is *reversed* (the same steering, the speed with the
-//! other sign). Geometry is the same both ways, so that speed and yaw rate change sign with the
-//! measured speed; tyres give way against a force, which `v theta'` does not turn with the speed.
+//! Each term is named with its behaviour when the drive is *mirrored* (left for right: steering,
+//! yaw rate and side speed change sign) and when it is *reversed* (the same steering, the speed
+//! with the other sign). Geometry is the same both ways, so that speed and yaw rate change sign
+//! with the measured speed; tyres give way against a force, which `v theta'` does not turn with the
+//! speed.
 
 mod bicycle;
 #[cfg(test)]
@@ -24,28 +25,29 @@ const STEERING_BEFORE_REAR_AXLE_MAX_RAD: f64 = 1.396;
 /// A vehicle as it is configured.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Vehicle {
-    /// How it steers.
+    /// Steering geometry.
     pub model: VehicleModel,
     /// Distance from the rear axle to the steered axle, m.
     pub wheelbase_m: f64,
-    /// Where its speed is measured.
+    /// Place where its speed is measured.
     pub speed_measured_at: SpeedMeasuredAt,
 }
 
-/// What the drive sensors say, before any correction.
+/// Reading of the drive sensors, before any correction.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct DriveReading {
     /// Measured speed, m/s.
     pub speed_mps: f64,
-    /// How fast it changes, m/s^2.
+    /// Its rate, m/s^2.
     pub speed_rate_mps2: f64,
     /// Steering angle measured `steering_before_s` before the speed, rad.
     pub steering_rad: f64,
-    /// How fast it changes there, rad/s.
+    /// Its rate there, rad/s.
     pub steering_rate_radps: f64,
     /// Its second derivative there, rad/s^2.
     pub steering_acceleration_radps2: f64,
-    /// Which side of its play the steering is on there: 1 after it turned left, -1 after it turned right.
+    /// Side of its play that the steering is on there: 1 after it turned left, -1 after it turned
+    /// right.
     pub play_side: f64,
     /// The response of the wheel to its sensor that is already in the angle.
     pub response: SteeringResponse,
@@ -82,9 +84,9 @@ pub struct DriveParameters {
     /// ways, and so does the side speed that it makes of a reversed drive: the force points into the
     /// bend whichever way it is driven.
     pub side_slip_rad_per_mps2: f64,
-    /// What the steering does beyond offset and gain.
+    /// Steering beyond offset and gain.
     pub curve: SteeringCurve,
-    /// How the wheel follows its sensor in time.
+    /// Response of the wheel to its sensor in time.
     pub response: SteeringResponse,
     /// Half of the play between sensor and wheel, rad: the wheel stays behind by so much. Stays both
     /// ways: friction holds the wheel where the sensor's side last pushed it. That a wheel with caster
@@ -92,9 +94,9 @@ pub struct DriveParameters {
     pub half_play_rad: f64,
 }
 
-/// How the wheel follows its sensor, in time and not along the way, so that it stays mirrored and
-/// reversed: the first two cumulants of its impulse response. A pure delay `d`
-/// has (d, 0), a first-order lag `t` (t, t^2); the wheel stands at
+/// Response of the wheel to its sensor, in time and not along the way, so that it stays mirrored
+/// and reversed: the first two cumulants of its impulse response. A pure delay `d` has (d, 0), a
+/// first-order lag `t` (t, t^2); the wheel stands at
 /// `delta(t - lag) + spread / 2 delta''(t - lag)`, to third order in time.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SteeringResponse {
@@ -104,14 +106,14 @@ pub struct SteeringResponse {
     pub spread_s2: f64,
 }
 
-/// How a true steering angle departs from a straight line over the measured one. With `u` the
+/// Departure of a true steering angle from a straight line over the measured one. With `u` the
 /// measured angle less its offset, the true angle is
-/// `(gain + asymmetry sign(u)) u + quadratic u^2 + cubic u^3`. Reversed it stays: it is the linkage's
-/// geometry, and no force is in it.
+/// `(gain + asymmetry sign(u)) u + quadratic u^2 + cubic u^3`. Reversed it stays: it is the
+/// linkage's geometry, and no force is in it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SteeringCurve {
-    /// By how much the gain is larger to the left and smaller to the right; even in `u`, so that it
-    /// changes sign mirrored.
+    /// Share by which the gain is larger to the left and smaller to the right; even in `u`, so that
+    /// it changes sign mirrored.
     pub asymmetry: f64,
     /// Quadratic term, 1/rad; even in `u`, so that it changes sign mirrored.
     pub quadratic_per_rad: f64,
@@ -119,11 +121,11 @@ pub struct SteeringCurve {
     pub cubic_per_rad2: f64,
 }
 
-/// How many parameters [`Motion`]'s derivatives are by.
+/// Number of parameters that [`Motion`]'s derivatives are by.
 pub const DRIVE_PARAMETERS: usize = 12;
-/// Which of them is the lag of the steering,
+/// Index of the lag of the steering among them,
 pub const BY_STEERING_LAG: usize = 8;
-/// and which a lead of the speed: how late it was measured.
+/// and of a lead of the speed: the delay of its measurement.
 pub const BY_SPEED_LEAD: usize = 11;
 
 /// The rear axle's motion, with derivatives by (steering offset, speed scale, wheelbase, gain, side
@@ -161,7 +163,7 @@ impl Vehicle {
         }
     }
 
-    /// Whether such a vehicle can steer that far. A driven wheel that is steered may turn by 90
+    /// True if such a vehicle can steer that far. A driven wheel that is steered may turn by 90
     /// degrees and more.
     pub fn can_steer(&self, steering_rad: f64) -> bool {
         match self.speed_measured_at {

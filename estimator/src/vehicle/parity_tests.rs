@@ -1,4 +1,5 @@
-//! The mirrored and the reversed drive: what left and right, forward and backward may differ in.
+//! The mirrored and the reversed drive: allowed differences of left and right, forward and
+//! backward.
 
 use proptest::prelude::*;
 
@@ -112,7 +113,7 @@ prop_compose! {
     }
 }
 
-/// What a robot measured: speed and steering, a hundred times a second.
+/// Measurements of a robot: speed and steering, a hundred times a second.
 fn drives() -> impl Strategy<Value = Vec<(f64, f64)>> {
     let bends = (-2.0..2.0f64, -0.5..0.5f64, -0.5..0.5f64);
     prop::collection::vec(bends, 2..5).prop_map(|bends| {
@@ -126,7 +127,7 @@ fn drives() -> impl Strategy<Value = Vec<(f64, f64)>> {
     })
 }
 
-/// How a vehicle moves by what it measured, by the whole way from samples to poses.
+/// Motion of a vehicle by its measurements, by the whole way from samples to poses.
 fn driven(vehicle: &Vehicle, p: &DriveParameters, samples: &[(f64, f64)]) -> PredictedMotion {
     let at = |i: usize| RobotTime(1_000_000_000 + 10_000_000 * i as i64);
     let mut history = DriveHistory::new(60.0);
@@ -187,8 +188,8 @@ proptest! {
         prop_assert!(all_near(&back.side_speed_by, forward.side_speed_by));
     }
 
-    /// The road pushes a tyre into the bend, with the force that turns the body, and takes energy of what
-    /// slides against it: the tyre slides outwards, whichever way it rolls.
+    /// The road pushes a tyre into the bend, with the force that turns the body, and absorbs energy
+    /// of the sliding: the tyre slides outwards, whichever way it rolls.
     #[test]
     fn a_tyre_takes_energy_from_the_drive(vehicle in vehicles(), p in parameters(), drive in readings()) {
         let motion = vehicle.motion(drive, &p);

@@ -6,7 +6,7 @@ use fleetcal_robot::simulator::{Change, LidarOutput, Pose2, ScheduledChange, Sim
 
 use crate::drive::{Driven, drive, vehicle_of};
 
-/// When it changes, s.
+/// Time of the change, s.
 pub const CHANGE_S: f64 = 60.0;
 
 /// Drives a figure-eight on which `change` happens, until `duration_s`.
@@ -26,19 +26,19 @@ pub fn changed(seed: u64, change: Change, lidar: Option<LidarOutput>, duration_s
     drive(config, calibrator, duration_s)
 }
 
-/// How a change was found.
+/// Detection of a change.
 pub struct Found {
-    /// What it was taken for.
+    /// Cause that was named.
     pub cause: Cause,
     /// Time from the change to its flag, s.
     pub delay_s: f64,
     /// Way from the change to its flag, m.
     pub delay_m: f64,
-    /// How many events there were.
+    /// Number of events.
     pub events: usize,
 }
 
-/// The first thing that was flagged after the change.
+/// The first event that was flagged after the change.
 pub fn found(run: &Driven) -> Option<Found> {
     let flagged = run.changes.first()?;
     let way_m = |time_s: f64| run.at(time_s).0.distance_m;

@@ -25,8 +25,8 @@ fn with_change(seed: u64, change: Option<Change>, duration_s: f64) -> Driven {
     drive(config, calibrator, duration_s)
 }
 
-/// Flagged once, with its cause, within the delay; half a minute later inside four sigma for every
-/// seed, and inside the limits; how far it went told within a minute.
+/// Asserts that the change is flagged once, with its cause, within the delay; half a minute later
+/// inside four sigma for every seed, and inside the limits; its amount published within a minute.
 fn check(change: Change, cause: Cause, amounts: &[f64], delay_max_s: f64) {
     let mut outside = Vec::new();
     for seed in 1..=8 {
@@ -62,7 +62,8 @@ fn check(change: Change, cause: Cause, amounts: &[f64], delay_max_s: f64) {
     assert!(outside.is_empty(), "outside the limits: seeds {outside:?}");
 }
 
-/// How far it went is said with the flag, or once and under the same stamp as soon as it is known.
+/// Asserts that the amount is published with the flag, or once and under the same stamp as soon as
+/// it is known.
 fn assert_amount(run: &Driven, amounts: &[f64], seed: u64) {
     let flagged = &run.changes[0];
     let again = run.sized.len();

@@ -1,4 +1,5 @@
-//! Are the sigmas true? Normalised errors over fixed seeds must lie inside their chi-squared bands.
+//! Consistency of the sigmas: normalised errors over fixed seeds must lie inside their chi-squared
+//! bands.
 
 use fleetcal_estimator::Parameter;
 use fleetcal_estimator::calibrator::CalibratorConfig;
@@ -61,7 +62,7 @@ fn normalised_errors_lie_inside_their_band_on_lidar_poses() {
     }
 }
 
-/// What averaging cannot take away stands in the published sigmas alone, on the diagonal.
+/// Systematic errors stand in the published sigmas alone, on the diagonal.
 #[test]
 fn the_published_covariance_holds_the_published_sigmas() {
     let (config, calibrator) = drawn(1);

@@ -22,8 +22,9 @@ fn tugger(seed: u64) -> (SimulationConfig, CalibratorConfig) {
     (config, calibrator)
 }
 
-/// Of 400 such robots these took longest, up to 158 s, while the first block's windows were each held
-/// against the parameters of its own moment: what the filter had not found yet passed for scatter of the vehicle.
+/// Robots that took longest of 400, up to 158 s, while the first block's windows were each compared
+/// with the parameters of their own moment: the filter's remaining error passed for scatter of the
+/// vehicle.
 #[test]
 fn what_the_filter_had_yet_to_find_is_no_scatter() {
     for seed in [13, 204, 239] {

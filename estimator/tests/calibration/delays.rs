@@ -8,7 +8,7 @@ use fleetcal_robot::simulator::{Change, Pose2, ScheduledChange, SimulationConfig
 use crate::changed::{CHANGE_S, changed, found};
 use crate::drive::{drive, poses, vehicle_of};
 
-/// Found within so many seconds on every seed, once, and as what it is.
+/// Asserts that the change is found within so many seconds on every seed, once, and by its cause.
 fn assert_found(change: Change, cause: Cause, delay_max_s: f64) {
     for seed in 1..=4 {
         let run = changed(seed, change, Some(poses()), 62.0 + delay_max_s);
@@ -53,7 +53,7 @@ fn a_lidar_that_moves_is_seen_the_sooner_the_farther() {
     assert_found(mount(0.03, 0.0), Cause::LidarMount, 15.0);
 }
 
-/// A tenth of a degree an hour is beneath what any window shows.
+/// Asserts that a drift by a tenth of a degree an hour is found: no window shows it.
 fn assert_drift_found(change: Change, cause: Cause) {
     let mut config = SimulationConfig::figure_eight(3);
     config.lidar = poses();

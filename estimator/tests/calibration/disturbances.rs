@@ -22,7 +22,8 @@ fn assert_honest(run: &Driven, name: &str) {
     }
 }
 
-/// Flagged once, as a fault, and afterwards the calibration is as good as before.
+/// Asserts that it is flagged once, as a fault, and that afterwards the calibration is as good as
+/// before.
 fn assert_fault(disturbance: Disturbance, cause: Cause, delay_max_s: f64) {
     for seed in 1..=3 {
         let name = format!("{disturbance:?}, seed {seed}");

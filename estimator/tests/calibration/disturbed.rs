@@ -1,4 +1,4 @@
-//! Robots that something happens to which is no calibration.
+//! Robots that are disturbed otherwise than in their calibration.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_robot::simulator::{
@@ -7,12 +7,12 @@ use fleetcal_robot::simulator::{
 
 use crate::drive::{Driven, drive, drive_disturbed, poses, vehicle_of};
 
-/// When something happens, s.
+/// Time of the disturbance, s.
 pub const BEGIN_S: f64 = 60.0;
-/// How long a run lasts, s.
+/// Length of a run, s.
 const DURATION_S: f64 = 120.0;
 
-/// What happens to a robot.
+/// Disturbance of a robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Disturbance {
     /// A car of 0.33 m wheelbase at up to 2.4 m/s, its wheels slipping by 1 % and sideways.
@@ -21,15 +21,15 @@ pub enum Disturbance {
     OneSided,
     /// A loop of straights and left turns.
     LeftLoop,
-    /// The steering sensor stands still at its last reading.
+    /// Steering sensor that stands still at its last reading.
     StuckSteering,
-    /// Somebody pushes the robot: the LiDAR moves, the wheels do not turn.
+    /// Robot that somebody pushes: the LiDAR moves, the wheels do not turn.
     Pushed,
-    /// The wheels turn in the air: the LiDAR stands.
+    /// Wheels that turn in the air: the LiDAR stands.
     WheelLift,
 }
 
-/// Drives a robot that it happens to.
+/// Drives a robot under this disturbance.
 pub fn disturbed(disturbance: Disturbance, seed: u64) -> Driven {
     let mut config = SimulationConfig::figure_eight(seed);
     config.lidar = poses();
@@ -89,7 +89,7 @@ fn small_car(config: &mut SimulationConfig) {
     config.speed.acceleration_mps2 = 1.5;
 }
 
-/// Holds the LiDAR for five seconds while the wheels go on, and lets all that follows come later.
+/// Holds the LiDAR for five seconds while the wheels turn, and delays all later messages.
 #[derive(Default)]
 struct WheelLift {
     last_pose: Option<LidarPose>,

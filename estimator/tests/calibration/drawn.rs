@@ -44,7 +44,8 @@ pub fn drawn(seed: u64) -> (SimulationConfig, CalibratorConfig) {
     (config, calibrator)
 }
 
-/// The same with sensors whose noise is as the filter models it, and the filter told how large.
+/// The same with sensors whose noise is as the filter models it, and the filter configured with its
+/// size.
 pub fn drawn_with_white_noise(seed: u64) -> (SimulationConfig, CalibratorConfig) {
     let (speed_sigma_mps, steering_sigma_rad) = (0.05, 0.002);
     let (mut config, mut calibrator) = drawn(seed);

@@ -13,13 +13,13 @@ use fleetcal_robot::simulator::{
 };
 use nalgebra::{Matrix3, Matrix4, Vector4};
 
-/// What came of a drive.
+/// Result of a drive.
 pub struct Driven {
     pub calibrator: Calibrator,
     /// Every estimate, with the true parameters of its time.
     pub estimates: Vec<(Estimate, TrueParameters)>,
     pub changes: Vec<Change>,
-    /// Changes told again once it was known how far they went.
+    /// Changes published again once their amount was known.
     pub sized: Vec<Change>,
 }
 
@@ -70,8 +70,8 @@ pub const FOUR: [Parameter; 4] = [
     Parameter::LidarYaw,
 ];
 
-/// Normalised estimation error squared of the four, 4 degrees of freedom. `systematic` adds what
-/// averaging cannot take away, as every sigma that leaves the estimator does.
+/// Normalised estimation error squared of the four, 4 degrees of freedom. `systematic` adds the
+/// systematic errors, as every sigma that leaves the estimator does.
 pub fn nees(calibrator: &Calibrator, truth: &TrueParameters, systematic: bool) -> f64 {
     let filter = calibrator.filter().unwrap();
     let error = Vector4::from_iterator(
@@ -91,14 +91,14 @@ pub fn nees(calibrator: &Calibrator, truth: &TrueParameters, systematic: bool) -
     error.dot(&covariance.cholesky().unwrap().solve(&error))
 }
 
-/// The same of what is published: by the covariance that leaves the estimator.
+/// The same of the published estimate: by the covariance that leaves the estimator.
 pub fn published_nees(estimate: &Estimate, truth: &TrueParameters) -> f64 {
     let error = Vector4::from(FOUR.map(|p| error_of(p, estimate, truth)));
     let covariance = Matrix4::from_fn(|i, j| estimate.covariance.rows()[i][j]);
     error.dot(&covariance.cholesky().unwrap().solve(&error))
 }
 
-/// LiDAR poses instead of scans: fast, and with noise that is white as the filter takes it.
+/// LiDAR poses instead of scans: fast, and with white noise, as the filter assumes.
 pub fn poses() -> LidarOutput {
     LidarOutput::Poses(PoseSettings {
         position_sigma_m: 0.003,
@@ -117,7 +117,7 @@ pub fn drive(config: SimulationConfig, calibrator: CalibratorConfig, duration_s:
     drive_disturbed(config, calibrator, duration_s, |_, message| vec![message])
 }
 
-/// The same with every message replaced by what `disturb` makes of it at its time (s).
+/// The same with every message replaced by the result of `disturb` at its time (s).
 pub fn drive_disturbed(
     config: SimulationConfig,
     calibrator: CalibratorConfig,
@@ -156,7 +156,7 @@ pub fn drive_disturbed(
     }
 }
 
-/// A simulated message as the estimator takes it.
+/// Event of a simulated message.
 pub fn event_of(message: SimulatedMessage) -> Option<Event> {
     match message {
         SimulatedMessage::WheelOdometry(d) => Some(Event::WheelOdometry(

@@ -1,4 +1,4 @@
-//! Does the filter get out of the data what is in them? Against the batch solution of the same.
+//! Efficiency of the filter: its estimates against the batch solution of the same data.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::drive_history::DriveHistory;
@@ -139,9 +139,10 @@ fn batch(
     values
 }
 
-/// What is told may err by so much more than the batch solution: it takes asymmetry and quadratic term
-/// for a fifth of their priors where the data do not ask for more, and here they are drawn from 0.7 of
-/// these priors, as on few robots. The batch solution, like the filter, knows how they are drawn.
+/// Largest error of a published value over that of the batch solution: the filter assumes asymmetry
+/// and quadratic term to be a fifth of their priors where the data do not ask for more, and here
+/// they are drawn from 0.7 of these priors, as on few robots. The batch solution, like the filter,
+/// knows how they are drawn.
 const TOLD_MAX: f64 = 1.2;
 
 #[test]

@@ -1,4 +1,4 @@
-//! The change test with nothing to find cries wolf as rarely as it says.
+//! False alarms of the change test with nothing to find are as rare as configured.
 
 use fleetcal_estimator::EstimatorSettings;
 use fleetcal_estimator::change::evidence::{Thresholds, WINDOWS_PER_HOUR};

@@ -1,5 +1,5 @@
-//! Scanners that get something wrong in every scan alike: what is called converged is true, and
-//! nothing is taken for a change of the vehicle.
+//! Scanners with the same error in every scan: every converged value is true, and nothing is
+//! flagged as a change of the vehicle.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::estimate::{Cause, Change as Changed, ChangeKind};
@@ -12,7 +12,7 @@ use fleetcal_robot::simulator::{
 
 use crate::drive::{Driven, FOUR, drive, drive_disturbed, error_of, vehicle_of};
 
-/// What is called converged is not called so beyond these many of its sigmas.
+/// Sigmas beyond which a converged value is a false claim.
 const FALSE_CLAIM_SIGMAS: f64 = 4.0;
 
 /// A robot with raw scans of 720 beams.
@@ -29,7 +29,7 @@ fn robot(seed: u64, imperfections: Imperfections) -> SimulationConfig {
     config
 }
 
-/// Drives it, and holds each of the four claims against the truth. Nothing is told to have changed.
+/// Drives it, and compares each of the four claims with the truth. No change may be flagged.
 fn assert_true(config: SimulationConfig, duration_s: f64, name: &str) -> Driven {
     let run = assert_true_claims(config, duration_s, name);
     assert!(run.changes.is_empty(), "{name}: {:?}", run.changes);
@@ -100,9 +100,9 @@ fn a_turning_scanner_without_beam_times_is_no_change_and_no_false_claim() {
     }
 }
 
-/// Where a robot begins to turn within a scan of 0.2 s, the scan fits its map so poorly that its pose is searched
-/// for. That search took the acceleration within the scan for zero: these robots were 0.035° to 0.048° off after
-/// 120 s, and six of six in a campaign claimed a false yaw after 600 s.
+/// Robots with scans of 0.2 s: where one begins to turn, its scan fits the map so poorly that its
+/// pose is searched for. That search assumed no acceleration within the scan: these robots were
+/// 0.035° to 0.048° off after 120 s, and six of six in a campaign claimed a false yaw after 600 s.
 #[test]
 fn a_scanner_of_5_hz_does_not_turn_the_mount_on_a_loop_to_one_side() {
     const YAW_OFF_MAX_RAD: f64 = 0.0005;
@@ -118,9 +118,9 @@ fn a_scanner_of_5_hz_does_not_turn_the_mount_on_a_loop_to_one_side() {
     }
 }
 
-/// The beams of a tilted scanner meet the floor 11 m ahead, in a line that comes along with the robot. Taken
-/// for a wall it bends the LiDAR's way by degrees: of 180 robots with such a scanner, seven were reported as
-/// faulty, again and again.
+/// Beams of a tilted scanner that meet the floor 11 m ahead, in a line that comes along with the
+/// robot. As a wall it bends the LiDAR's way by degrees: of 180 robots with such a scanner, seven
+/// were reported as faulty, again and again.
 #[test]
 fn a_tilted_scanner_is_no_fault_and_no_false_claim() {
     let routes = [
@@ -163,7 +163,7 @@ fn a_tilted_scanner_is_no_fault_and_no_false_claim() {
     }
 }
 
-/// A slow scanner that sees the floor may be taken for one that does not turn. Its odometry then bends once a
+/// Slow scanner that sees the floor and may be judged not to turn. Its odometry then bends once a
 /// lap: three robots, this one on three routes, reported 46 faults in half an hour.
 #[test]
 fn a_scanner_that_turns_after_all_is_no_fault_and_no_false_claim() {
@@ -176,8 +176,8 @@ fn a_scanner_that_turns_after_all_is_no_fault_and_no_false_claim() {
     }
 }
 
-/// On the figure-eight that robot's scanner is seen to turn after minutes, and only because its losses do not
-/// lengthen the time between scans.
+/// Robot whose scanner is judged to turn only after minutes on the figure-eight, and only because
+/// its losses do not lengthen the time between scans.
 #[test]
 fn a_scanner_that_turns_after_minutes_makes_no_false_claim() {
     let config = robot(89, Imperfections::all_typical(89, true));
@@ -197,8 +197,9 @@ fn assert_turns(run: &Driven, scan_s: f64, name: &str) {
     );
 }
 
-/// A LiDAR that has long been known is turned by half a degree, or put to another place, and tilted by one degree
-/// at once: the floor in its view takes away what was learnt, but not the word of what has changed.
+/// LiDAR that has long been known, turned by half a degree, or put to another place, and tilted by
+/// one degree at once: the floor in its view removes what was learnt, but the change is still
+/// reported.
 #[test]
 fn a_lidar_that_is_knocked_out_of_level_after_minutes_is_flagged_as_moved() {
     let by_half_a_degree = Pose2::new(0.0, 0.0, 0.5_f64.to_radians());

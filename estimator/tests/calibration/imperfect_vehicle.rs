@@ -9,9 +9,9 @@ use fleetcal_robot::simulator::{
 
 use crate::drive::{Driven, FOUR, drive, error_of, poses, vehicle_of};
 
-/// When something changes, s.
+/// Time of the change, s.
 const CHANGE_S: f64 = 90.0;
-/// How far a robot has driven when a change of half a degree is flagged, m.
+/// Way after which a change of half a degree is flagged, m.
 const FLAGGED_AFTER_M: f64 = 20.0;
 /// Errors after three minutes: x, y (m), and both angles (rad), in the order of [`FOUR`].
 const BOUNDS: [f64; 4] = [3.5e-4, 0.003, 0.005, 5.2e-4];
@@ -112,7 +112,8 @@ fn a_change_on_a_robot_with_another_steering_curve_is_flagged_as_what_it_is() {
     }
 }
 
-/// Nothing that is four sigmas off is claimed once the change had its 20 m, whether it was flagged or not.
+/// Asserts that nothing four sigmas off is claimed once the change had its 20 m, whether it was
+/// flagged or not.
 fn assert_true_claims(run: &Driven, name: &str) {
     let changed_m = run.at(CHANGE_S).0.distance_m;
     for (estimate, truth) in &run.estimates {

@@ -1,5 +1,6 @@
-//! A robot whose steering jumps from one side to the other, as in a simulation that lets it: when the wheel
-//! turned how fast, nobody knows, so nothing may be claimed of the clocks or of the steering's lag.
+//! A robot whose steering jumps from one side to the other, as in a simulation that lets it: nobody
+//! knows when and how fast the wheel turned, so nothing may be claimed of the clocks or of the
+//! steering's lag.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -17,9 +18,10 @@ use rand_distr::StandardNormal;
 const WHEELBASE_M: f64 = 1.2;
 const TURN_RAD: f64 = 0.5;
 const OFFSET_RAD: f64 = 0.03;
-/// Where the LiDAR sits: x, y, m; yaw, rad.
+/// Place of the LiDAR: x, y, m; yaw, rad.
 const MOUNT: [f64; 3] = [0.4, 0.1, 0.05];
-/// How close each comes all the same, m and rad: the steering's curve is open where it stands on two angles.
+/// Largest error of each all the same, m and rad: the steering's curve is open where it stands on
+/// two angles.
 const ERROR_MAX: [(Parameter, f64); 4] = [
     (Parameter::SteeringOffset, 0.014),
     (Parameter::LidarX, 0.008),
@@ -76,7 +78,7 @@ impl Robot {
         RobotTime(1_700_000_000_000_000_000 + self.tick * 10_000_000)
     }
 
-    /// What the LiDAR sees of four walls.
+    /// Scan of four walls by the LiDAR.
     fn scan(&mut self) -> Scan {
         let ([x_m, y_m, yaw_rad], step) = (self.pose, TAU / f64::from(BEAMS));
         let lidar_x_m = x_m + MOUNT[0] * yaw_rad.cos() - MOUNT[1] * yaw_rad.sin();

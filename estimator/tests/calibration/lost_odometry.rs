@@ -1,5 +1,5 @@
-//! LiDAR odometry that sees nothing of its way is named: the vehicle is not blamed, and no value that
-//! cannot be is told. A robot that was lifted away or towed is reported.
+//! Lost LiDAR odometry is named: the vehicle is not blamed, and no impossible value is published. A
+//! robot that was lifted away or towed is reported.
 
 use std::sync::Arc;
 
@@ -29,7 +29,8 @@ fn featureless(seed: u64, world: World, route: Route, range_max_m: f64) -> Drive
     drive(config, calibrator, 60.0)
 }
 
-/// The lost odometry is the only thing that is reported, and no value is called known or cannot be.
+/// Asserts that the lost odometry is the only report, and that no value is called known or is
+/// impossible.
 fn assert_lost(run: &Driven, name: &str) {
     assert!(!run.changes.is_empty(), "{name}: not reported");
     for change in &run.changes {
@@ -64,11 +65,11 @@ fn a_featureless_place_is_reported_as_lost_odometry_and_nothing_is_claimed() {
     }
 }
 
-/// When somebody takes hold of the robot, s.
+/// Time at which somebody takes hold of the robot, s.
 const TAKEN_S: f64 = 60.0;
 
-/// Somebody holds the robot for a while, in which it is moved with its wheels still. What it does
-/// then comes later, from where it was put.
+/// Robot that somebody holds for a while, in which it is moved with its wheels still. Its own
+/// motion continues later, from its new place.
 struct Taken {
     held_s: f64,
     moved: Pose2,
@@ -123,7 +124,8 @@ impl Taken {
     }
 }
 
-/// Reported once, as something that was done to the vehicle; the calibration stays.
+/// Asserts that it is reported once, as something that was done to the vehicle; the calibration
+/// stays.
 fn assert_taken(seed: u64, held_s: f64, moved: Pose2) {
     let mut config = SimulationConfig::figure_eight(seed);
     config.lidar = poses();

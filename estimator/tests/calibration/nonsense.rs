@@ -11,8 +11,8 @@ const DURATION_S: f64 = 181.0;
 const SEEDS: [u64; 2] = [1, 2];
 const YEAR_NS: i64 = 365 * 86_400 * 1_000_000_000;
 
-/// A robot on a route whose wheel odometry is what `of` makes of it; what has no physical size is
-/// refused before an estimator sees it.
+/// A robot on a route whose wheel odometry is changed by `of`; samples of no physical size are
+/// refused before an estimator receives them.
 fn driven(route: Route, seed: u64, mut of: impl FnMut(u64, &mut DriveSample)) -> Driven {
     let mut config = SimulationConfig::figure_eight(seed);
     config.route = route;
@@ -64,7 +64,7 @@ fn assert_never_converged(name: &str, of: impl Fn(u64, &mut DriveSample)) {
     }
 }
 
-/// What makes the other tests mean something.
+/// Control of the other tests: the same robots converge.
 #[test]
 fn the_same_robots_converge_on_what_they_measured() {
     for (name, route) in routes() {
@@ -77,7 +77,8 @@ fn the_same_robots_converge_on_what_they_measured() {
     }
 }
 
-/// Of a fast steering box the way straight ahead tells how the LiDAR looks: that may be known.
+/// Robots with a fast steering box: the way straight ahead shows the LiDAR's yaw, which may be
+/// known.
 #[test]
 fn the_angle_of_a_fast_steering_box_leads_to_no_false_claim() {
     for (name, route) in routes() {
@@ -99,7 +100,7 @@ fn the_angle_of_a_fast_steering_box_leads_to_no_false_claim() {
     }
 }
 
-/// The angle of a steering column: fifteen times what the wheels do, and often more than they could.
+/// The angle of a steering column: fifteen times the wheels', and often more than they could.
 #[test]
 fn the_angle_of_a_steering_column_teaches_nothing() {
     assert_never_converged("column", |_, sample| sample.steering_rad *= 15.0);
@@ -119,7 +120,7 @@ fn steering_that_turns_the_other_way_teaches_nothing() {
     });
 }
 
-/// The NIS is a hundred times what it should be and more.
+/// Encoders that make the NIS a hundred times too large and more.
 #[test]
 fn a_dead_or_random_encoder_teaches_nothing() {
     assert_never_converged("dead", |_, sample| sample.steering_rad = 0.0);

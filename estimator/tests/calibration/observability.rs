@@ -53,8 +53,8 @@ fn one_circle_leaves_the_mount_open() {
     assert_mount_is_open(&on_route(Route::circle(Point::new(0.0, 0.0), 4.0), 60.0));
 }
 
-/// An oval without a straight tells the other values, but not how the body points against where its rear axle
-/// rolls: yaw is told no surer than that.
+/// Oval without a straight, which shows the other values, but not how the body points against where
+/// its rear axle rolls: yaw is published no surer than that.
 #[test]
 fn turning_to_one_side_alone_leaves_the_yaw_open() {
     let points: Vec<_> = (0..180)
@@ -79,8 +79,9 @@ fn left_laps_then_right_laps() -> Route {
     Route::through(&[left, right].concat(), 1.8, true)
 }
 
-/// Laps to one side never tell the steering's curve, behind which an encoder beside the axle may hide: `y` waits
-/// for turns to the other side, or for its owner to say where the speed is measured.
+/// Laps to one side never show the steering's curve, behind which an encoder beside the axle may
+/// hide: `y` waits for turns to the other side, or for its owner to state where the speed is
+/// measured.
 #[test]
 fn y_waits_for_turns_to_the_other_side() {
     const LEFT_LAPS_M: f64 = 190.0;

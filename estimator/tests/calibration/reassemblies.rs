@@ -1,4 +1,4 @@
-//! Verdicts after a reassembly: what they compare with, and that they come whatever the stamps do.
+//! Verdicts after a reassembly: their reference, and that they come whatever the stamps do.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::estimate::{Cause, Change, ChangeKind};
@@ -9,9 +9,9 @@ use fleetcal_robot::simulator::{
 
 use crate::drive::{event_of, poses, vehicle_of};
 
-/// By how much the LiDAR's yaw moves in the workshop, rad.
+/// Turn of the LiDAR's yaw in the workshop, rad.
 const MOVED_RAD: f64 = 0.021;
-/// Where a drive's stamps begin after the first one's, ns: after the workshop,
+/// Start of a drive's stamps after the first one's, ns: after the workshop,
 const LATER_NS: i64 = 300_000_000_000;
 /// by a clock that begins again with each drive, and by one that is set back an hour.
 const CLOCKS_BACK_NS: [i64; 2] = [0, -3_600_000_000_000];
@@ -46,7 +46,8 @@ fn report(calibrator: &mut Calibrator) {
     calibrator.step(Event::Note(Note { stamp, kind }));
 }
 
-/// Drives a robot past a calibrator; gives what was seen of its calibration, with the time of the drive (s).
+/// Drives a robot past a calibrator; returns the changes of its calibration, with the time of the
+/// drive (s).
 fn driven(
     calibrator: &mut Calibrator,
     config: &SimulationConfig,
@@ -69,7 +70,7 @@ fn driven(
     }
 }
 
-/// Kinds and causes of what was seen.
+/// Kinds and causes of the changes.
 fn told(changes: &[(f64, Change)]) -> Vec<(ChangeKind, Cause)> {
     changes.iter().map(|(_, c)| (c.kind, c.cause)).collect()
 }
@@ -112,7 +113,7 @@ fn a_clock_that_goes_back_delays_no_verdict() {
     }
 }
 
-/// What moves on the way to a verdict is in it: nobody knew how it was.
+/// Motions on the way to a verdict belong to it: nobody knew the state before.
 #[test]
 fn the_first_change_after_a_report_is_its_verdict() {
     let mut config = SimulationConfig::figure_eight(9);

@@ -112,8 +112,9 @@ fn another_vehicle_on_the_next_day_is_told_from_the_stored_one() {
     assert!((yaw - 2.5).abs() < 1e-3, "{yaw}");
 }
 
-/// A speed encoder 5 cm beside the axle is `y` to the estimator, and no driving shows it: `y` is told wide. A
-/// power cycle teaches nothing, so it stays so while the stored calibration holds.
+/// Speed encoder 5 cm beside the axle, which is `y` to the estimator, and no driving shows it: `y`
+/// is published with a wide sigma. A power cycle teaches nothing, so it stays so while the stored
+/// calibration holds.
 #[test]
 fn what_no_driving_shows_is_no_narrower_after_a_power_cycle() {
     for seed in 1..=4 {
@@ -156,8 +157,9 @@ fn what_no_driving_shows_is_no_narrower_after_a_power_cycle() {
     }
 }
 
-/// Stamps of notes are people's words, often those of an estimate that was published a second before. None
-/// of them may make the estimator miss that the robot was taken apart, or lose its place in time.
+/// Stamps of notes are set by people, often those of an estimate that was published a second
+/// before. None of them may make the estimator miss that the robot was taken apart, or lose its
+/// place in time.
 #[test]
 fn a_reported_reassembly_counts_at_once_whatever_its_stamp() {
     let mut config = SimulationConfig::figure_eight(9);

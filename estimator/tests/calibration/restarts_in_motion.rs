@@ -1,5 +1,5 @@
-//! A service that is killed in mid-drive goes on from its checkpoint: it still knows the vehicle and
-//! its scanner, and takes nothing for a change.
+//! Restarts of a service that is killed in mid-drive and continues from its checkpoint: it still
+//! knows the vehicle and its scanner, and flags no change.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::estimate::Change;
@@ -12,11 +12,11 @@ use fleetcal_robot::simulator::{
 
 use crate::drive::{FOUR, event_of, vehicle_of};
 
-/// When the checkpoint is written, s.
+/// Times of the checkpoints, s.
 const CHECKPOINTS_S: [f64; 4] = [35.0, 47.0, 60.0, 75.0];
-/// How long nothing arrives then, s. The robot drives on, and is met again in a turn.
+/// Lengths of the silence after it, s. The robot drives on, and is met again in a turn.
 const GAPS_S: [f64; 2] = [0.5, 12.0];
-/// How long it is watched then, s.
+/// Time for which it is watched then, s.
 const ON_S: f64 = 45.0;
 
 /// Feeds one event and keeps the changes that it brings.
@@ -45,7 +45,7 @@ fn messages(config: SimulationConfig, duration_s: f64) -> Vec<(f64, Event)> {
     }
 }
 
-/// What is known of the scanner is no other, to this many sigmas of what was known.
+/// Asserts that the scanner's errors are the same, to this many sigmas of those before.
 fn assert_same_scanner(before: &ScannerReport, after: &ScannerReport, sigmas: f64, name: &str) {
     let pairs = [
         (before.range_bias_m, after.range_bias_m),
@@ -59,7 +59,7 @@ fn assert_same_scanner(before: &ScannerReport, after: &ScannerReport, sigmas: f6
     assert_eq!(kind(before), kind(after), "{name}: {after:?}");
 }
 
-/// The four are where they were, as the sigmas of then say.
+/// Asserts that the four are the same, by the sigmas of before.
 fn assert_same_vehicle(before: &Calibrator, after: &Calibrator, name: &str) {
     let (before, after) = (before.estimate(), after.estimate());
     for parameter in FOUR {
@@ -71,7 +71,8 @@ fn assert_same_vehicle(before: &Calibrator, after: &Calibrator, name: &str) {
     }
 }
 
-/// Every restart of a drive: the calibrator that goes on is held against the one before.
+/// Asserts for every restart of a drive that the calibrator that continues agrees with the one
+/// before.
 fn assert_goes_on(seed: u64, imperfections: Imperfections) -> ScannerReport {
     let mut config = SimulationConfig::figure_eight(seed);
     config.lidar = LidarOutput::Scans(LidarSettings {
@@ -130,7 +131,7 @@ fn a_restart_in_mid_drive_keeps_what_was_learnt_of_the_scanner() {
     );
 }
 
-/// Takes the last rows and columns away that an estimator of before did not know.
+/// Removes the last rows and columns, which an earlier estimator lacked.
 fn shrink(value: &mut serde_json::Value) {
     const CURVE: usize = 6;
     match value {

@@ -1,5 +1,5 @@
-//! A robot whose tyres give way, forward and then backward. Its motion is made here, of the force on its tyres,
-//! and of nothing that the estimator or the simulator shares.
+//! Forward and backward drives of a robot whose tyres give way. Its motion is made here, of the
+//! force on its tyres, and of nothing that the estimator or the simulator shares.
 
 use std::f64::consts::TAU;
 
@@ -14,11 +14,11 @@ use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
 
 const WHEELBASE_M: f64 = 1.2;
-/// Half of what small cars with soft tyres show, rad for each m/s^2: 15 mm of `x` at 1 m/s, to one side forward
-/// and to the other backward.
+/// Half of the slip of small cars with soft tyres, rad for each m/s^2: 15 mm of `x` at 1 m/s, to
+/// one side forward and to the other backward.
 const SLIP_RAD_PER_MPS2: f64 = 0.015;
 const OFFSET_RAD: f64 = 0.02;
-/// Where the LiDAR sits: x, y, m; yaw, rad.
+/// Place of the LiDAR: x, y, m; yaw, rad.
 const MOUNT: [f64; 3] = [0.4, 0.1, 0.05];
 const POSE_SIGMA_M: f64 = 0.003;
 const POSE_SIGMA_RAD: f64 = 5e-4;

@@ -1,5 +1,5 @@
-//! Another process takes a robot over from its last checkpoint: a minute later it is as certain as one that
-//! was never interrupted.
+//! Takeovers of a robot by another process from its last checkpoint: a minute later it is as
+//! certain as one that was never interrupted.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::{Calibrator, Checkpoint, Event};
@@ -10,17 +10,17 @@ use fleetcal_robot::simulator::{
 use crate::drawn::drawn;
 use crate::drive::{FOUR, event_of, vehicle_of};
 
-/// When the checkpoint is written that a robot is taken over from, s.
+/// Time of the checkpoint that a robot is taken over from, s.
 const CHECKPOINT_S: f64 = 180.0;
-/// Nothing is taken in from then until a takeover is over: the checkpoint of a cluster's robot is up to a
-/// twentieth of its session old, and a takeover takes up to 3 s.
+/// Time from then on in which no message arrives, until a takeover is over: the checkpoint of a
+/// cluster's robot is up to a twentieth of its session old, and a takeover takes up to 3 s.
 const LOST_S: f64 = 12.0;
-/// How long the robot drives from then on, s.
+/// Time for which the robot drives from then on, s.
 const DRIVEN_S: f64 = 60.0;
 const SEEDS: u64 = 12;
 /// Robots on loops with their turns mostly to one side.
 const ONE_SIDED_SEEDS: u64 = 12;
-/// How much larger a sigma may be than that of the undisturbed estimator.
+/// Share by which a sigma may be larger than that of the undisturbed estimator.
 const LESS_CERTAIN: f64 = 0.05;
 
 /// A robot without an imperfection that sends scans.
@@ -66,7 +66,8 @@ fn sigmas(calibrator: &Calibrator) -> [f64; 4] {
     FOUR.map(|parameter| estimate.parameter(parameter).sigma)
 }
 
-/// By how much the sigmas of the four are larger than undisturbed, where so many seconds of messages are lost.
+/// Shares by which the sigmas of the four are larger than undisturbed, where so many seconds of
+/// messages are lost.
 fn certainty_lost(seed: u64, lost_s: f64) -> [f64; 4] {
     let robot = robot(seed);
     let config = CalibratorConfig::of(vehicle_of(&robot.vehicle, robot.vehicle.wheelbase_m));
@@ -94,9 +95,9 @@ fn a_minute_after_a_takeover_nearly_nothing_is_less_certain() {
     }
 }
 
-/// The sigma of `y` holds what an encoder beside the axle may have moved, by the curve of the steering: on a
-/// loop with its turns mostly to one side that must not be the error of the curve's estimate, which changes
-/// with each new local map.
+/// Sigma of `y` includes the possible effect of an encoder beside the axle, by the curve of the
+/// steering: on a loop with its turns mostly to one side that must not be the error of the curve's
+/// estimate, which changes with each new local map.
 #[test]
 fn a_restart_that_loses_no_message_leaves_y_as_certain_on_loops_to_one_side() {
     for number in 0..ONE_SIDED_SEEDS {

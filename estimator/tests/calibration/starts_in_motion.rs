@@ -9,11 +9,12 @@ use fleetcal_robot::simulator::{Route, Simulation, SimulationConfig, TrueParamet
 
 use crate::drive::{FOUR, error_of, event_of, poses, vehicle_of};
 
-/// From one cut to the next, s: they meet the robot everywhere on its lap. The first is at rest.
+/// Time from one cut to the next, s: they meet the robot everywhere on its lap. The first is at
+/// rest.
 const CUTS_APART_S: f64 = 2.3;
-/// How long a robot is watched from a cut on, s.
+/// Time for which a robot is watched from a cut on, s.
 const WATCHED_S: f64 = 180.0;
-/// Errors beyond so many sigmas of a parameter that is called converged are false claims.
+/// Sigmas beyond which the error of a converged parameter is a false claim.
 const FALSE_SIGMAS: f64 = 4.0;
 /// A calibrator that is started at one moment of a drive.
 struct Start {
@@ -21,7 +22,7 @@ struct Start {
     calibrator: Calibrator,
     /// Its false claims.
     false_claims: Vec<String>,
-    /// Whether all four were converged at once.
+    /// True if all four were converged at once.
     converged: bool,
     /// Changes and faults flagged on a robot that stayed the same.
     changes: usize,

@@ -142,7 +142,7 @@ impl NoiseWindows {
         }
     }
 
-    /// What leaves the memory is what the reference knows.
+    /// Forgets the oldest window: the reference knows it from then on.
     fn forget_oldest(&mut self) {
         let oldest = self.remembered.pop_front().unwrap().innovation;
         let inverse = oldest.covariance.cholesky().unwrap().inverse();
@@ -170,7 +170,7 @@ impl NoiseWindows {
         largest
     }
 
-    /// Whether the change test raises an alarm now.
+    /// True if the change test raises an alarm now.
     pub fn alarms(&self, thresholds: &Thresholds) -> bool {
         let reference = self.reference();
         strongest(self.remembered.iter(), &reference, &SEARCH, thresholds)
@@ -187,7 +187,7 @@ pub struct Alarms {
 }
 
 impl Alarms {
-    /// Takes whether there is an alarm in the next window.
+    /// Counts whether there is an alarm in the next window.
     pub fn push(&mut self, alarm: bool) {
         if self.rest > 0 {
             self.rest -= 1;

@@ -1,4 +1,4 @@
-//! Robots of which everything is imperfect at once, as on a robot in good order.
+//! Robots with every imperfection at once, of the size of a robot in good order.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::{Parameter, Status};
@@ -12,11 +12,11 @@ use rand_distr::StandardNormal;
 use crate::drawn::drawn;
 use crate::drive::{Driven, FOUR, drive, error_of, poses, published_nees, vehicle_of};
 
-/// A tugger of which everything is drawn from the priors that docs/assumptions.md publishes, on the eight or
-/// in aisles by its seed. Asymmetry and quadratic curve are small on every other vehicle, as the filter takes
-/// them to be until the data ask for more. With the sensors' priors too, every other one has an encoder that
-/// nothing makes tremble, and of every 32 vehicles 16 send raw scans of biased ranges, four of them without
-/// saying when their beams are taken.
+/// A tugger of which everything is drawn from the priors that docs/assumptions.md publishes, on the
+/// eight or in aisles by its seed. Asymmetry and quadratic curve are small on every other vehicle,
+/// as the filter assumes them until the data need more. With the sensors' priors too, every other
+/// one has an encoder that nothing makes tremble, and of every 32 vehicles 16 send raw scans of
+/// biased ranges, four of them without the times of their beams.
 fn drawn_from_priors(seed: u64, sensors_too: bool) -> (SimulationConfig, CalibratorConfig) {
     let (mut config, calibrator) = drawn(seed);
     // Another stream than that of `drawn`, whose vehicles stay the same.
@@ -121,7 +121,7 @@ fn drive_on(route: Route, imperfections: Imperfections, seed: u64, duration_s: f
     drive(config, calibrator, duration_s)
 }
 
-/// What is `converged` is true at any time, and nothing is taken for a change.
+/// Asserts that every `converged` value is true at any time, and that no change is flagged.
 fn assert_true(run: &Driven, name: &str) {
     assert!(run.changes.is_empty(), "{name}: {:?}", run.changes);
     for (estimate, truth) in &run.estimates {
@@ -138,8 +138,9 @@ fn assert_true(run: &Driven, name: &str) {
     }
 }
 
-/// A speed encoder beside the axle and a curve of the steering that hide each other among them: where nobody
-/// said where the speed is measured, the LiDAR's y is not claimed on a robot that is imperfect in many ways.
+/// Robots with all typical imperfections, among them a speed encoder beside the axle and a curve of
+/// the steering that hide each other: where nobody stated where the speed is measured, the LiDAR's
+/// y is not claimed on a robot that is imperfect in many ways.
 #[test]
 fn a_robot_with_all_typical_imperfections_makes_no_false_claim() {
     for (route_name, route) in routes() {
@@ -151,9 +152,9 @@ fn a_robot_with_all_typical_imperfections_makes_no_false_claim() {
     }
 }
 
-/// Where every turn is a left one, imperfections that work together pass for an offset, and ten minutes of
-/// driving do not take it away. These seeds were false while the filter's own sigma was told; of 600, two
-/// still are (147 and 346, and here 541).
+/// Robots of which every turn is a left one: imperfections that work together pass for an offset,
+/// and ten minutes of driving do not remove it. These seeds were false while the filter's own sigma
+/// was published; of 600, two still are (147 and 346, and here 541).
 #[test]
 fn an_imperfect_robot_on_a_loop_of_left_turns_makes_no_false_claim() {
     let left = Route::left_loop(Point::new(-11.0, 0.0), 10.0, 8.0);
@@ -168,7 +169,8 @@ fn an_imperfect_robot_on_a_loop_of_left_turns_makes_no_false_claim() {
     }
 }
 
-/// No driving tells where the speed is measured, so none is asked for: the owner has to say it.
+/// Robot whose owner has to state where the speed is measured: no driving shows it, so none is
+/// asked for.
 #[test]
 fn a_robot_whose_y_waits_for_the_place_of_its_speed_encoder_says_so() {
     let (route_name, route) = routes()[0].clone();
@@ -207,9 +209,9 @@ fn a_coarse_encoder_that_shows_one_reading_on_every_straight_is_not_believed_bey
     }
 }
 
-/// Rear wheels of unequal size shift what is found of the LiDAR's y by millimetres, and show of it a
-/// steering curve too small to see. Of seeds 1 to 150 on these two routes, these were false at some moment, by
-/// up to 4.7 sigmas; the constant was chosen on them.
+/// Rear wheels of unequal size, which shift the estimate of the LiDAR's y by millimetres, and show
+/// only as a steering curve too small to see. Of seeds 1 to 150 on these two routes, these were
+/// false at some moment, by up to 4.7 sigmas; the constant was chosen on them.
 #[test]
 fn a_robot_with_unequal_wheels_makes_no_false_claim() {
     let [(_, eight), (_, aisles), _] = routes();

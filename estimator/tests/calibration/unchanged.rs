@@ -9,8 +9,8 @@ use crate::drive::drive;
 /// Length of a run, s.
 pub const HOUR_S: f64 = 3600.0;
 
-/// What is flagged in an hour of a robot whose vehicle and route depend on the seed. Of two robots
-/// one slips and has a coarse encoder, the other's noise is as the filter models it.
+/// Changes that are flagged in an hour of a robot whose vehicle and route depend on the seed. Of
+/// two robots one slips and has a coarse encoder, the other's noise is as the filter models it.
 pub fn hour(seed: u64) -> Vec<Change> {
     let (mut config, calibrator) = if seed.is_multiple_of(2) {
         drawn_with_white_noise(seed)

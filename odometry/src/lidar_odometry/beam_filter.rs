@@ -1,19 +1,20 @@
-//! From beams to points: which returns are used, where they lie and when they were taken.
+//! Points of a scan's beams: the usable returns, their positions and their times.
 
 use super::floor::FloorLine;
 use crate::scan::{Scan, ScanShape};
 
-/// Most points of a scan that are used; of more, an evenly spread part is taken.
+/// Most used points of a scan; of more, an evenly spread part is used.
 pub const POINTS_MAX: usize = 1024;
-/// Returns farther away are not used, m: the local map ends there.
+/// Largest range of a used return, m: the local map ends there.
 pub const RANGE_USED_MAX_M: f32 = 60.0;
-/// Steps in range from beam to beam below this are noise, not an edge, m.
+/// Largest step in range from beam to beam that is noise, not an edge, m.
 const EDGE_STEP_MIN_M: f32 = 0.08;
-/// A surface hit at more than this tangent of incidence counts as an edge (81 degrees).
+/// Largest tangent of incidence at which a return is not an edge (81 degrees).
 const EDGE_TANGENT: f32 = 6.5;
-/// Up to this tangent of incidence the surface between two returns is taken as seen (60 degrees).
+/// Largest tangent of incidence at which the surface between two returns counts as seen (60
+/// degrees).
 const JOINED_TANGENT: f32 = 1.7;
-/// Returns with more missing beams between them are not neighbours.
+/// Most missing beams between two neighbouring returns.
 const NEIGHBOUR_GAP_MAX: usize = 4;
 
 /// Points in a block.
@@ -30,11 +31,11 @@ pub struct Point {
     pub y: f32,
     /// Time of the beam relative to the scan's reference time, s.
     pub tau_s: f32,
-    /// The same as a part of the scan, -1/2 to 1/2.
+    /// Time of the beam as a part of the scan, -1/2 to 1/2.
     pub phase: f32,
     /// One over the range, 1/m.
     pub inverse_range: f32,
-    /// Whether the surface goes on to the next point in the open: both see it well.
+    /// True if the surface continues to the next point in the open: both see it well.
     pub joined: bool,
 }
 
@@ -47,7 +48,7 @@ pub struct Block {
     pub y: [f32; LANES],
     /// Times of the beams, s.
     pub tau_s: [f32; LANES],
-    /// The same as parts of the scan.
+    /// Times of the beams as parts of the scan.
     pub phase: [f32; LANES],
     /// One over the ranges, 1/m.
     pub inverse_range: [f32; LANES],
@@ -136,7 +137,7 @@ impl ScanPoints {
         self.len = 0;
     }
 
-    /// Tells the last point whether its surface goes on to the next one.
+    /// Sets on the last point whether its surface continues to the next one.
     fn join_last(&mut self, is_joined: bool) {
         if let Some(block) = self.blocks.last_mut()
             && let Some(joined) = block.joined.get_mut(block.count.wrapping_sub(1))
@@ -171,7 +172,7 @@ pub struct BeamFilter {
     directions_of: Option<(ScanShape, usize)>,
     cos: Vec<f32>,
     sin: Vec<f32>,
-    /// Beams with a return, and whether they lie beside an edge.
+    /// Beams with a return, each with a flag for a neighbouring edge.
     returns: Vec<Return>,
 }
 
@@ -261,7 +262,7 @@ impl BeamFilter {
         }
     }
 
-    /// Leaves the returns of the floor out; the surface before one does not go on behind it.
+    /// Leaves the returns of the floor out; the surface before one does not continue behind it.
     fn leave_out(&mut self, floor: FloorLine) {
         let Self {
             returns, cos, sin, ..
@@ -303,7 +304,7 @@ impl BeamFilter {
         }
     }
 
-    /// Adds one return; `is_joined` tells whether its surface goes back to the point before it.
+    /// Adds one return; `is_joined` is true if its surface continues back to the point before it.
     fn emit_return(
         &self,
         taken: &Return,

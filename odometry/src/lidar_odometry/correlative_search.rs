@@ -11,10 +11,10 @@ use crate::geometry::Pose2;
 
 /// Points of the subsample.
 const POINTS_SCORED: usize = 128;
-/// Candidates of the coarse grid that are looked at closely.
+/// Candidates of the coarse grid that are refined.
 const CANDIDATES: usize = 24;
-/// In a window that reaches farther, m, poses at which a quarter of the points fit badly are passed
-/// over.
+/// Largest reach of a window, m, in which every pose is scored; in a wider one, poses at which a
+/// quarter of the points fit badly are passed over.
 const WIDE_M: f64 = 4.0;
 /// Candidates that are held before the best are picked out.
 const CANDIDATES_HELD_MAX: usize = 1 << 16;
@@ -28,12 +28,12 @@ const COARSE_YAW_RAD: f64 = 0.044;
 const EDGE: i32 = 512;
 const WORDS: usize = (EDGE / 64) as usize;
 
-/// How far to search on each side of the guess.
+/// Reach of the search on each side of the guess.
 #[derive(Debug, Clone, Copy)]
 pub struct Window {
-    /// In x and y, m.
+    /// Reach in x and y, m.
     pub reach_m: f64,
-    /// In yaw, rad.
+    /// Reach in yaw, rad.
     pub yaw_rad: f64,
 }
 

@@ -5,9 +5,11 @@ use nalgebra::{Matrix2, Matrix3, Matrix6, Vector2, Vector6};
 use super::motion::Motion;
 use super::normal_equations::NormalEquations;
 
-/// Only when one direction of translation is informed this much less than the other it is looked at.
+/// Largest ratio of the information along two directions of translation at which the weaker one is
+/// suspect.
 const SUSPECT_RATIO: f64 = 0.03;
-/// A direction in which the surfaces that face it fix the position no better than this is open, m.
+/// Smallest sigma of the position along a direction, by the surfaces that face it, at which it is
+/// open, m.
 const OPEN_SIGMA_M: f64 = 0.01;
 
 /// A direction of translation, in the LiDAR's frame, that the scene leaves open.
@@ -32,7 +34,7 @@ impl OpenDirection {
         Matrix6::identity() - pose * pose.transpose() - velocity * velocity.transpose()
     }
 
-    /// Takes what the equations say along the direction out of them: it is the noise of the map's
+    /// Removes the equations' information along the direction: it is the noise of the map's
     /// normals, which would hold the pose where it is.
     pub fn remove_from(&self, equations: &mut NormalEquations) {
         let keep = self.keep();
@@ -64,12 +66,12 @@ pub fn suspect_direction(equations: &NormalEquations) -> Option<Vector2<f64>> {
         .then(|| eigen.eigenvectors.column(weak).into_owned())
 }
 
-/// Whether `facing`, the information of the surfaces that face the direction, leaves it open.
+/// True if `facing`, the information of the surfaces that face the direction, leaves it open.
 pub fn is_open(facing: f64) -> bool {
     facing * OPEN_SIGMA_M * OPEN_SIGMA_M < 1.0
 }
 
-/// The covariance of the pose that is given out, from the filter's.
+/// Covariance of the published pose, from the filter's.
 ///
 /// An error is added that the points do not show: a changing acceleration bends the motion within
 /// a rolling scan by half of its change times the mean square of the beams' times, `tau2_s2`.

@@ -1,20 +1,22 @@
 //! Fit of a scan to the map, counted point by point.
 
-/// Below this share the search is asked for a better pose, and the state is degraded.
+/// Least share explained by a good fit; below it a better pose is searched for, and the state is
+/// degraded.
 const EXPLAINED_GOOD: f32 = 0.6;
-/// Share of all points that has to be on the map, moving or not.
+/// Least share of all points, moving or not, on the map.
 const ON_MAP_MIN: f32 = 0.12;
-/// A map known before is asked when it says something of this share of the points.
+/// Least share of the points that a known map must cover to be used.
 const KNOWN_MIN: f32 = 0.2;
-/// In it a pose is found when it agrees with this share of them: people stand before walls.
+/// Least share of the covered points that agree with a known map where a pose is found: people
+/// stand before walls.
 pub const AGREEMENT_FOUND: f32 = 0.45;
-/// What a point where nothing is known counts then.
+/// Weight of a point where nothing is known, when a pose is sought in a known map.
 const SILENT_WEIGHT: f32 = 0.3;
 
-/// How the points of a scan fit the map at one pose.
+/// Fit of a scan's points to the map at one pose.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Fit {
-    /// Points looked at.
+    /// Assessed points.
     pub points: f32,
     /// Points on the map, within its noise.
     pub on_map: f32,
@@ -22,7 +24,7 @@ pub struct Fit {
     pub moving: f32,
     /// Sum over the points of their closeness to the map, 1 for a point on its line.
     pub score: f32,
-    /// What of it is the moving points'.
+    /// Part of `score` that belongs to the moving points.
     pub score_of_moving: f32,
     /// Points on the surfaces of a map known before.
     pub agrees: f32,
@@ -53,13 +55,13 @@ impl Fit {
         (self.score - self.score_of_moving) / (self.points - self.moving).max(1.0)
     }
 
-    /// Share of the points that lie where a map known before says; `None` where it says nothing.
+    /// Share of the points that agree with a known map; `None` where it covers too few.
     pub fn agreement(&self) -> Option<f32> {
         let said = self.agrees + self.disagrees;
         (said > KNOWN_MIN * self.points).then(|| self.agrees / said)
     }
 
-    /// Whether it fits a known map so well that this is the place. Points where nothing is known
+    /// True if it fits a known map so well that this is the place. Points where nothing is known
     /// count a little against it, or a view away from the map would fit anywhere.
     pub fn places(&self) -> bool {
         let said = self.agrees + self.disagrees;
@@ -67,12 +69,12 @@ impl Fit {
         self.agrees >= AGREEMENT_FOUND * (said + SILENT_WEIGHT * silent)
     }
 
-    /// Whether the still points lie on the map as they should.
+    /// True if enough of the still points lie on the map.
     pub fn is_good(&self) -> bool {
         self.explained() >= EXPLAINED_GOOD
     }
 
-    /// Whether this fit is clearly better than another.
+    /// True if this fit is clearly better than another.
     pub fn beats(&self, other: &Self) -> bool {
         self.score > 1.03 * other.score
     }

@@ -12,50 +12,55 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::Pose2;
 use crate::scan::{Scan, ScanShape};
 
-/// Two scans are compared when the LiDAR has moved by so much between them, m,
+/// Step of the LiDAR between two scans that are compared, m,
 const STEP_M: f64 = 0.4;
-/// or has turned by so much, rad; and again after each further step, while they tell nothing.
+/// or its turn, rad; and again after each further step, while they decide nothing.
 const STEP_RAD: f64 = 0.12;
-/// After so many steps too little of what was seen is seen still.
+/// Most steps over which scans are compared: after more, too little of the first view is still
+/// visible.
 const STEPS_MAX: f64 = 5.0;
-/// Beams that are compared; of more, an evenly spread part.
+/// Most beams that are compared; of more, an evenly spread part is compared.
 const BEAMS_MAX: usize = 360;
-/// A return is on the line when it is as near to it as this, m: a scanner's noise,
+/// Largest distance of a return on the line from it, m: a scanner's noise,
 const NEAR_M: f32 = 0.05;
-/// and this part of its range: floors are uneven, and robots pitch.
+/// plus this part of its range: floors are uneven, and robots pitch.
 const NEAR_PART: f32 = 0.015;
-/// Beside the line so many times farther off returns are taken for the floor's as well.
+/// Multiple of that distance within which returns beside the line count as the floor's as well.
 const DROPPED_NEAR: f32 = 2.0;
-/// A line is seen by so many beams at least.
+/// Fewest beams that see a line.
 const SEEN_MIN: usize = 8;
-/// Were it a wall, at most this part of them would fit as well.
+/// Largest part of them that a wall would explain as well.
 const AS_WALL_MAX: f32 = 0.25;
-/// No beam reaches through the floor: beyond the line is at most this part of those that reach it.
+/// Largest part, of the beams that reach the line, that end beyond it: no beam reaches through the
+/// floor.
 const BEYOND_MAX: f32 = 0.2;
-/// The floor is everywhere: of the beams that meet the line within the scanner's range and reach it, at
-/// most this part has no return. Behind a vehicle in the open that has the same speed, most have none.
+/// Largest part without a return, of the beams that meet the line within the scanner's range and
+/// reach it: the floor is everywhere. Behind a vehicle in the open that has the same speed, most
+/// have none.
 const MISSING_MAX: f32 = 0.5;
-/// A wall that bends towards the robot leaves its tangent beam by beam, what stands on the floor leaves
-/// the floor at once: of the returns up to so many times farther off on the near side
+/// Multiple of that distance on the near side within which returns are counted against the line: a
+/// wall that bends towards the robot leaves its tangent beam by beam, an object on the floor leaves
+/// the floor at once.
 const BENDS_WITHIN: f32 = 4.0;
-/// there are at most this part of those on the line.
+/// Largest number of those returns, as a part of the returns on the line.
 const BENDS_MAX: f32 = 0.4;
-/// So many motions in favour, less those against, make a line the floor's.
+/// Votes, motions in favour less those against, that make a line the floor's.
 const FOUND_VOTES: u32 = 3;
-/// More are not counted, so that a line that is gone is forgotten.
+/// Most votes that are counted, so that a vanished line is forgotten.
 const VOTES_MAX: u32 = 6;
-/// A line that is sought is given up after so many motions that say nothing of it.
+/// Silent motions in a row after which a sought line is given up.
 const SILENT_MAX: u32 = 12;
-/// No line is looked for nearer than the first, which is the robot's own, or farther than the second, m.
+/// Distances between which a line is looked for, m: nearer is the robot itself.
 const DISTANCE_M: [f64; 2] = [0.5, 40.0];
 /// Pairs of beams that a line is laid through.
 const PAIRS: usize = 24;
-/// Pairs are so many parts of the beams apart, in turn: the line may be seen between two racks alone.
+/// Parts of the beams between the two of a pair, in turn: the line may be visible between two racks
+/// alone.
 const PAIRS_APART: [usize; 3] = [3, 6, 12];
-/// Two beams nearer to each other than this tell no line, rad.
+/// Smallest angle between two beams that determine a line, rad.
 const APART_MIN_RAD: f32 = 0.02;
-/// Returns within so small an angle tell no line either: 4 degrees have more of the determinant of their
-/// moments, over the square of its trace.
+/// Largest determinant of the returns' moments, over the square of their trace, at which they
+/// determine no line: over 4 degrees it is larger.
 const NARROW: f32 = 4e-4;
 /// Gain of the line's place.
 const GAIN: f32 = 0.3;
@@ -67,18 +72,18 @@ pub struct FloorLine {
     ny_per_m: f32,
 }
 
-/// What of a beam is compared.
+/// Compared beam of two scans.
 #[derive(Debug, Clone, Copy)]
 struct Beam {
     cos: f32,
     sin: f32,
     /// 0 where there is no return.
     range_m: f32,
-    /// In the scan before; 0 where there was none.
+    /// Range in the scan before, m; 0 where there was no return.
     before_m: f32,
 }
 
-/// The beams of two scans, and what lies between these.
+/// Beams of two scans, and the motion between these.
 struct Compared {
     beams: Vec<Beam>,
     /// The later scan's LiDAR in the earlier one's frame.
@@ -87,29 +92,29 @@ struct Compared {
     range_max_m: f32,
 }
 
-/// How the beams of two scans lie to a line.
+/// Position of two scans' beams relative to a line.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sight {
-    /// On the line in both.
+    /// Beams on the line in both.
     stayed: usize,
-    /// Of these, those that a wall would explain as well.
+    /// Part of these that a wall would explain as well.
     as_wall: usize,
-    /// On the line in the later one.
+    /// Beams on the line in the later one.
     on: usize,
-    /// Beyond it in the later one.
+    /// Beams beyond it in the later one.
     beyond: usize,
-    /// Not far before it in the later one.
+    /// Beams not far before it in the later one.
     before: usize,
-    /// Without a return in the later one, though the line is within range.
+    /// Beams without a return in the later one, though the line is within range.
     missing: usize,
 }
 
-/// What one motion says of a line.
+/// Vote of one motion on a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Vote {
     For,
     Against,
-    /// It is hidden, or a wall would look alike.
+    /// Line that is hidden, or that a wall would look like.
     Silent,
 }
 
@@ -118,18 +123,18 @@ enum Vote {
 struct Before {
     pose: Pose2,
     shape: ScanShape,
-    /// Every so many beams one is kept: 0 where there was no return.
+    /// Ranges of one beam in so many: 0 where there was no return.
     ranges_m: Vec<f32>,
-    /// The steps after which a scan is compared with it.
+    /// Steps after which the next scan is compared with it.
     due_steps: f64,
 }
 
-/// A line, and what speaks for it.
+/// A line with its votes.
 #[derive(Debug, Clone, Copy)]
 struct Voted {
     line: FloorLine,
     votes: u32,
-    /// Motions in a row that said nothing.
+    /// Silent motions in a row.
     silent: u32,
 }
 
@@ -137,14 +142,14 @@ struct Voted {
 #[derive(Debug, Clone, Default)]
 pub struct FloorWatch {
     found: Option<Voted>,
-    /// One that may be it, while none is found or that one is hidden.
+    /// Candidate for the line, while none is found or the found one is hidden.
     sought: Option<Voted>,
-    /// Whether one was ever found: the poses before were misled, and that is told once.
+    /// True if a line was ever found: the poses before were misled, and this is reported once.
     was_found: bool,
     before: Option<Before>,
 }
 
-/// What a floor watch has learnt of the scanner.
+/// Knowledge of the scanner that a floor watch has learnt.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct LearntFloor {
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -153,7 +158,7 @@ pub struct LearntFloor {
 }
 
 impl FloorLine {
-    /// How far the line is from the LiDAR, m.
+    /// Distance of the line from the LiDAR, m.
     pub fn distance_m(self) -> f64 {
         f64::from(self.nx_per_m.hypot(self.ny_per_m).recip())
     }
@@ -163,13 +168,14 @@ impl FloorLine {
         f64::from(self.ny_per_m.atan2(self.nx_per_m))
     }
 
-    /// Whether a return is the floor's.
+    /// True if a return is the floor's.
     pub fn drops(self, cos: f32, sin: f32, range_m: f32) -> bool {
         self.beside(cos, sin, range_m)
             .is_some_and(|beside| beside.abs() < DROPPED_NEAR)
     }
 
-    /// Through two returns; `None` where they do not tell it, or it is at no floor's distance.
+    /// Lays a line through two returns; `None` where they do not determine it, or it is at no
+    /// floor's distance.
     fn through(a: &Beam, b: &Beam) -> Option<Self> {
         let det = a.cos * b.sin - a.sin * b.cos;
         if det.abs() < APART_MIN_RAD {
@@ -190,8 +196,8 @@ impl FloorLine {
             .then_some(self)
     }
 
-    /// How far a return is beyond the line, in units of what is near; negative on this side. `None`
-    /// where there is no return, or the beam never meets the line.
+    /// Distance of a return beyond the line, as a multiple of what counts as near; negative on this
+    /// side. `None` where there is no return, or the beam never meets the line.
     fn beside(self, cos: f32, sin: f32, range_m: f32) -> Option<f32> {
         let inverse = self.nx_per_m * cos + self.ny_per_m * sin;
         (range_m > 0.0 && inverse > 0.0)
@@ -203,7 +209,7 @@ impl FloorLine {
             .is_some_and(|beside| beside.abs() < 1.0)
     }
 
-    /// Where a wall on this line is after the motion `(R, t)`: `n' = Rᵀ n / (1 - n · t)`.
+    /// Place of a wall on this line after the motion `(R, t)`: `n' = Rᵀ n / (1 - n · t)`.
     fn as_wall_after(self, moved: &Pose2) -> Self {
         let (sin, cos) = (moved.yaw_rad.sin() as f32, moved.yaw_rad.cos() as f32);
         let (x, y) = (moved.x_m as f32, moved.y_m as f32);
@@ -298,7 +304,7 @@ impl Before {
         }
     }
 
-    /// Whether a scan has the same beams.
+    /// True if a scan has the same beams.
     fn has_beams_of(&self, scan: &Scan) -> bool {
         self.shape == *scan.shape() && self.ranges_m.len() == compared_ranges(scan).count()
     }
@@ -313,7 +319,7 @@ impl Voted {
         }
     }
 
-    /// Takes what a motion says of it.
+    /// Adds the vote of a motion.
     fn take(&mut self, compared: &Compared) -> Vote {
         let vote = Sight::of(self.line, compared).vote();
         self.silent = if vote == Vote::Silent {
@@ -336,7 +342,7 @@ impl Voted {
 }
 
 impl FloorWatch {
-    /// One that knows the scanner already.
+    /// Begins with a scanner that is known already.
     pub fn knowing(learnt: LearntFloor) -> Self {
         Self {
             found: learnt.line.map(|line| Voted::new(line, VOTES_MAX)),
@@ -345,7 +351,7 @@ impl FloorWatch {
         }
     }
 
-    /// What it has learnt of the scanner.
+    /// Returns what it has learnt of the scanner.
     pub fn learnt(&self) -> LearntFloor {
         LearntFloor {
             line: self.line(),
@@ -364,13 +370,13 @@ impl FloorWatch {
         before.map_or(0, |before| before.ranges_m.capacity() * size_of::<f32>())
     }
 
-    /// The next scan is compared with none before it: the LiDAR's way between them is not known.
+    /// Compares the next scan with none before it: the LiDAR's way between them is not known.
     pub fn break_off(&mut self) {
         self.before = None;
     }
 
-    /// Takes a scan that was taken at `pose`, with cosines and sines of its beams. Whether the floor's
-    /// line has been found with it, for the first time.
+    /// Adds a scan taken at `pose`, with cosines and sines of its beams. Returns true if it is the
+    /// first with which the floor's line is found.
     pub fn take(&mut self, pose: &Pose2, (cos, sin): (&[f32], &[f32]), scan: &Scan) -> bool {
         let with_same_beams = self
             .before
@@ -409,8 +415,8 @@ impl FloorWatch {
         is_first
     }
 
-    /// Takes a motion: of the line that was found, and where that is hidden or there is none, of the one
-    /// that is sought.
+    /// Adds a motion's vote to the found line, and to the sought one where that is hidden or there
+    /// is none.
     fn judge(&mut self, compared: &Compared) -> Vote {
         if let Some(found) = &mut self.found {
             let vote = found.take(compared);
@@ -434,12 +440,12 @@ impl FloorWatch {
     }
 }
 
-/// From one beam that is compared to the next.
+/// Step from one compared beam to the next.
 fn stride(scan: &Scan) -> usize {
     scan.ranges_m().len().div_ceil(BEAMS_MAX).max(1)
 }
 
-/// The ranges of the beams that are compared, m; 0 where there is no return.
+/// Ranges of the compared beams, m; 0 where there is no return.
 fn compared_ranges(scan: &Scan) -> impl Iterator<Item = f32> {
     let shape = scan.shape();
     let returned_m = (shape.range_min_m as f32)..(shape.range_max_m as f32);

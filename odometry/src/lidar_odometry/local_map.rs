@@ -9,20 +9,20 @@ use super::submap::{Cell, FreeSpace, KnownMap, LocalOrigin, RAY_STRIDE, Submap};
 use crate::RobotTime;
 use crate::geometry::Pose2;
 
-/// The map is updated when the LiDAR has moved this far, m.
+/// Way of the LiDAR after which the map is updated, m.
 const UPDATE_DISTANCE_M: f64 = 0.2;
-/// The map is updated when the LiDAR has turned this far, rad.
+/// Turn of the LiDAR after which the map is updated, rad.
 const UPDATE_ANGLE_RAD: f64 = 0.1;
-/// The map is updated at the latest after this time, s.
+/// Longest time after which the map is updated, s.
 const UPDATE_PERIOD_S: f64 = 2.0;
-/// So many scans after the first all go into the map.
+/// Scans after the first that all go into the map.
 const UPDATES_AT_START: u32 = 5;
 
-/// Returns of one surface farther apart are joined by points this far apart, m.
+/// Spacing of the points that join returns of one surface, m.
 const FILL_SPACING_M: f32 = 0.07;
-/// Returns farther apart are not joined, m.
+/// Largest distance between two joined returns, m.
 const FILL_MAX_M: f32 = 0.7;
-/// What such a point weighs against a return.
+/// Weight of such a point against a return.
 const FILL_WEIGHT: f32 = 0.5;
 
 /// The local map: surfaces, free space, and where the LiDAR was at the last update.
@@ -30,14 +30,14 @@ const FILL_WEIGHT: f32 = 0.5;
 pub struct LocalMap {
     /// Lines, cell by cell.
     pub submap: Submap,
-    /// Where space was seen free.
+    /// Space that was seen free.
     pub free_space: FreeSpace,
     pose: Pose2,
     stamp: RobotTime,
 }
 
 impl LocalMap {
-    /// A map in which nothing was seen yet but what is known.
+    /// Begins a map that holds only the known one.
     pub fn knowing(known: Arc<KnownMap>) -> Self {
         Self {
             submap: Submap::knowing(known),
@@ -50,13 +50,13 @@ impl LocalMap {
         self.submap.memory_bytes() + self.free_space.memory_bytes()
     }
 
-    /// Forgets all that was seen; what is known stays.
+    /// Forgets everything that was seen; the known map stays.
     pub fn clear(&mut self) {
         self.submap.clear();
         self.free_space.clear();
     }
 
-    /// Whether a scan at `pose` should go into the map.
+    /// True if a scan at `pose` should go into the map.
     pub fn is_due(&self, pose: &Pose2, stamp: RobotTime) -> bool {
         let moved = self.pose.between(pose);
         self.submap.updates() < UPDATES_AT_START
@@ -65,8 +65,8 @@ impl LocalMap {
             || stamp.seconds_since(self.stamp) > UPDATE_PERIOD_S
     }
 
-    /// Puts a scan into the map: the beams mark what is free and forget what they went through,
-    /// then the returns that are not a moving object's are added.
+    /// Adds a scan to the map: the beams mark free space and forget the points that they went
+    /// through, then the returns that are not a moving object's are added.
     pub fn update(
         &mut self,
         points: &ScanPoints,

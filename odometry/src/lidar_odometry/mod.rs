@@ -45,7 +45,7 @@ pub use scanner::{BeamTimes, ScannerReport};
 pub use surroundings::Surroundings;
 pub use tracking::Tracking;
 
-/// What LiDAR odometry says of one scan.
+/// Result of LiDAR odometry for one scan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OdometryPose {
     /// The scan's reference time.
@@ -58,20 +58,20 @@ pub struct OdometryPose {
     pub unconstrained_rad: Option<f64>,
     /// Share of the used beams that lie on the map, 0 to 1.
     pub fitness: f64,
-    /// Whether the pose can be trusted.
+    /// Trust in the pose.
     pub tracking: Tracking,
-    /// Whether the map was begun again with this scan: poses before and after do not compare.
+    /// True if the map was begun again with this scan: poses before and after do not compare.
     pub map_restarted: bool,
-    /// What the poses before were misled by, as this scan shows.
+    /// Cause that misled the poses before, as this scan shows.
     pub misled_by: Option<MisledBy>,
 }
 
-/// What misled the poses before a scan that shows it.
+/// Cause that misled the poses before a scan that shows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MisledBy {
-    /// Returns of the floor were taken for a wall's.
+    /// Returns of the floor counted as a wall's.
     Floor,
-    /// The scanner turns within a scan, and was taken for one that does not.
+    /// Scanner that turns within a scan counted as one that does not.
     BeamTimes,
 }
 
@@ -79,26 +79,28 @@ pub enum MisledBy {
 const POINTS_MIN: usize = 20;
 /// Most Gauss-Newton iterations.
 const ITERATIONS_MAX: usize = 8;
-/// The iteration ends when a step is smaller than this, m and rad.
+/// Largest step that ends the iteration, m and rad.
 const STEP_MIN: f64 = 5e-5;
-/// So often the first scan of a map is corrected with the motion that it gives.
+/// Corrections of a map's first scan with the motion that results from it.
 const FIRST_REDONE: usize = 3;
-/// A scanner's range noise before it is measured, m.
+/// Range noise of a scanner before it is measured, m.
 const RANGE_NOISE_AT_START_M: f32 = 0.02;
-/// Range noise is measured on at least so many points.
+/// Fewest points on which range noise is measured.
 const NOISE_POINTS_MIN: f32 = 50.0;
-/// Of the points so many are left out when a fit is judged.
+/// Stride of the points that are used where a fit is judged.
 const ASSESS_STRIDE: usize = 3;
-/// A map of fewer updates tells nothing of the scanner: it repeats the scan.
+/// Fewest updates of a map that shows the scanner's errors: a younger one repeats the scan.
 const ASKED_FROM_UPDATE: u32 = 8;
-/// A scan whose ranges all repeat the last one's was sent twice, when the LiDAR has moved by more
-/// than this, m or rad.
+/// Motion since the last scan, m or rad, beyond which a scan whose ranges all repeat that one's was
+/// sent twice.
 const REPEATED_MOTION: f64 = 0.01;
-/// Scans this far apart, s, are bent by acceleration where their pose is searched for. Shorter ones are bent by
-/// a quarter of that or less, and the velocity of one that the floor made fit poorly is not to be trusted.
+/// Time between scans, s, from which their bend by acceleration counts where their pose is searched
+/// for. Shorter ones are bent by a quarter of that or less, and the velocity of one that the floor
+/// made fit poorly is not to be trusted.
 const BENT_FROM_S: f64 = 0.15;
 
-/// What LiDAR odometry has learnt of its scanner: it holds as long as the scanner does, in any map.
+/// Knowledge of the scanner that LiDAR odometry has learnt: it holds as long as the scanner does,
+/// in any map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LearntScanner {
     scanner: Scanner,
@@ -114,7 +116,7 @@ pub struct LidarOdometry {
     points: ScanPoints,
     map: LocalMap,
     motion: Option<Motion>,
-    /// Of the last scan, once there was one.
+    /// Reference time of the last scan, once there was one.
     last_stamp: Option<RobotTime>,
     last_ranges: Vec<f32>,
     /// The scan that began the map, until its distortion is known.
@@ -154,10 +156,10 @@ impl Default for LidarOdometry {
 }
 
 impl LidarOdometry {
-    /// Odometry in a map that was made before, from a start known to half a metre and 15 degrees;
-    /// farther off it says that it is lost, and looks around for the place. Poses are the LiDAR's
-    /// in the map. What the LiDAR sees beside the map it keeps as it does without one; the map
-    /// itself never changes. A grid says where a wall is to within half a cell, so motions over a
+    /// Localises in a map that was made before, from a start known to half a metre and 15 degrees;
+    /// farther off it reports that it is lost, and looks around for the place. Poses are the
+    /// LiDAR's in the map. Beside the map it keeps the LiDAR's surroundings as it does without one;
+    /// the map itself never changes. A grid places a wall to within half a cell, so motions over a
     /// few metres are known better without it.
     ///
     /// # Errors
@@ -177,8 +179,8 @@ impl LidarOdometry {
         })
     }
 
-    /// Takes one scan and says where the LiDAR is; `None` when the scan has too few returns, is
-    /// not later than the last one, or repeats it.
+    /// Processes one scan and returns the LiDAR's pose; `None` when the scan has too few returns,
+    /// is not later than the last one, or repeats it.
     pub fn process(&mut self, scan: &Scan) -> Option<OdometryPose> {
         // 1. Beams to points.
         let stamp = self.read(scan);
@@ -252,7 +254,7 @@ impl LidarOdometry {
         })
     }
 
-    /// Turns a scan into points; gives the time of its middle, which its pose is for.
+    /// Turns a scan into points; returns the time of its middle, which its pose is for.
     fn read(&mut self, scan: &Scan) -> RobotTime {
         let time_increment_s = self.scanner.time_increment_s(scan);
         self.beam_filter
@@ -273,13 +275,13 @@ impl LidarOdometry {
                 .map_or(0, |(points, _, _)| points.memory_bytes())
     }
 
-    /// What is known of the scanner: when its beams are taken, how far its ranges are off, and where
-    /// it sees the floor.
+    /// Knowledge of the scanner: the times of its beams, the errors of its ranges, and its line of
+    /// the floor.
     pub fn scanner(&self) -> ScannerReport {
         self.scanner.report(self.floor.line())
     }
 
-    /// What was learnt of the scanner, to begin another odometry with.
+    /// Knowledge of the scanner, to begin another odometry with.
     pub fn learnt_scanner(&self) -> LearntScanner {
         LearntScanner {
             scanner: self.scanner.without_map(),
@@ -288,7 +290,7 @@ impl LidarOdometry {
         }
     }
 
-    /// The same odometry, with a scanner of which that is known already.
+    /// Replaces the scanner by one that was learnt before.
     #[must_use]
     pub fn with_scanner(mut self, learnt: LearntScanner) -> Self {
         self.scanner = learnt.scanner;
@@ -297,9 +299,9 @@ impl LidarOdometry {
         self
     }
 
-    /// Forgets where the LiDAR was and what it saw: the next scan may be of any time and from any place. The
-    /// scanner stays, and so does a map that was made before, in which the LiDAR is looked for around where
-    /// it was last.
+    /// Forgets the LiDAR's pose and the local map: the next scan may be of any time and from any
+    /// place. The scanner stays, and so does a map that was made before, in which the LiDAR is
+    /// looked for around its last place.
     pub fn begin_anew(&mut self) {
         self.map.clear();
         self.first_scan = None;
@@ -346,7 +348,7 @@ impl LidarOdometry {
         }
     }
 
-    /// Whether the driver sent the last scan again, under a new stamp. At rest this is no fault.
+    /// True if the driver sent the last scan again, under a new stamp. At rest this is no fault.
     fn repeats(&mut self, scan: &Scan, last: &Motion, dt: f64) -> bool {
         let is_equal = self.last_ranges == scan.ranges_m();
         if !is_equal {
@@ -410,8 +412,8 @@ impl LidarOdometry {
         }
     }
 
-    /// Learns of the scanner from the scan as it is aligned: what misled the poses before, and whether the map
-    /// has to be begun again.
+    /// Learns of the scanner from the aligned scan. Returns the cause that misled the poses before,
+    /// and whether the map has to be begun again.
     fn learn_of_scanner(
         &mut self,
         scan: &Scan,
@@ -429,8 +431,8 @@ impl LidarOdometry {
         )
     }
 
-    /// Learns of beam times and ranges. Says why the map has to be begun again, if so.
-    /// A known map is off by its own cells, and an open direction would be learnt from noise.
+    /// Learns of beam times and ranges. Returns the reason to begin the map again, if any. A known
+    /// map is off by its own cells, and an open direction would be learnt from noise.
     fn learn_beam_times_and_ranges(&mut self, is_due: bool, solution: &Solution) -> Option<Remap> {
         if !is_due && !self.scanner.asks_at_once(&solution.motion) {
             return None;
@@ -449,9 +451,9 @@ impl LidarOdometry {
         self.scanner.learn(&equations, motion)
     }
 
-    /// Looks for the floor in the scan as it is aligned. Whether it is found: what was seen so far held
-    /// the floor, and so does what was learnt of the ranges in it. Along an open direction the LiDAR's way
-    /// is not known.
+    /// Looks for the floor in the aligned scan. Returns true if it is found: the map so far held
+    /// the floor, and so does what was learnt of the ranges in it. Along an open direction the
+    /// LiDAR's way is not known.
     fn learn_floor(&mut self, scan: &Scan, solution: &Solution) -> bool {
         if solution.open.is_some() {
             self.floor.break_off();
@@ -491,7 +493,8 @@ impl LidarOdometry {
         }
     }
 
-    /// The scan fits nowhere: stays where it was last sure, says so, and in the end gives the map up.
+    /// Holds a scan that fits nowhere at the last sure pose, reports it as lost, and in the end
+    /// gives the map up.
     fn remain_lost(
         &mut self,
         predicted: &Motion,
@@ -524,9 +527,9 @@ impl LidarOdometry {
         pose
     }
 
-    /// The first scan went into the map distorted by a motion nobody knew. Now that the second one
-    /// is aligned, the map is made again with the velocity between the two, and the second scan
-    /// aligned again. Within the scans that velocity would not show: two that are corrected with the
+    /// Makes the map again from the first scan, which went into it distorted by an unknown motion,
+    /// now that the second one is aligned: with the velocity between the two, and aligns the second
+    /// scan again. Within the scans that velocity would not show: two that are corrected with the
     /// same wrong one lie on each other.
     fn redo_first(
         &mut self,

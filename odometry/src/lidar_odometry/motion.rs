@@ -34,9 +34,9 @@ pub struct Motion {
     /// Acceleration since the last scan (m/s², m/s², rad/s²): 1 m/s² and 1 rad/s² bend the motion to either end
     /// of a scan of 0.1 s by 1.3 mm and 0.07°, and of one of 0.2 s by 5 mm and 0.3°.
     pub acceleration: Vector3<f64>,
-    /// Whether it is predicted from a scan before.
+    /// True if it is predicted from a scan before.
     is_known: bool,
-    /// What the acceleration counts from; without it there is none.
+    /// Start of the acceleration; without it there is none.
     before: Option<Before>,
     /// Covariance of pose and velocity.
     pub covariance: Matrix6<f64>,
@@ -47,12 +47,12 @@ pub struct Motion {
 struct Before {
     /// Velocity (m/s, m/s, rad/s) in the LiDAR's frame.
     velocity: Vector3<f64>,
-    /// How long ago it was, s.
+    /// Time since then, s.
     interval_s: f64,
 }
 
 impl Motion {
-    /// At a known pose, with a velocity nobody knows.
+    /// Begins at a known pose, with an unknown velocity.
     pub fn starting_at(pose: Pose2) -> Self {
         let mut covariance = Matrix6::zeros();
         for (index, sigma) in [
@@ -78,9 +78,9 @@ impl Motion {
         }
     }
 
-    /// At a pose found by search, knowing it only roughly and the velocity not at all. The velocity at the
-    /// scan before is that of `tracked`, the prediction of a LiDAR that is not lost: without it, the
-    /// acceleration within the scan would be taken for zero.
+    /// Begins at a pose found by search, known only roughly, with an unknown velocity. The velocity
+    /// at the scan before is that of `tracked`, the prediction of a LiDAR that is not lost: without
+    /// it, the acceleration within the scan would count as zero.
     pub fn searched(pose: Pose2, tracked: Option<&Self>) -> Self {
         let mut motion = Self::starting_at(pose);
         motion.before = tracked.and_then(|tracked| tracked.before);
@@ -102,12 +102,13 @@ impl Motion {
         (least.max(0.0).sqrt(), self.covariance[(2, 2)].sqrt())
     }
 
-    /// Whether there was a scan before to know the velocity from.
+    /// True if there was a scan before to know the velocity from.
     pub fn is_known(&self) -> bool {
         self.is_known
     }
 
-    /// Standing still, and no surer of the pose than that it lies within these of the prediction.
+    /// Motion of a LiDAR that stands still, no surer of its pose than that it lies within these of
+    /// the prediction.
     #[must_use]
     pub fn lost(&self, reach_m: f64, yaw_rad: f64) -> Self {
         let mut lost = Self::starting_at(self.pose);

@@ -16,14 +16,14 @@ use super::normal_equations::NormalEquations;
 use super::range_errors::RangeErrors;
 use super::submap::{Cell, FreeSpace, LocalOrigin, Submap};
 
-/// Beyond this many of its sigmas a residual loses its weight (Geman-McClure).
+/// Sigmas beyond which a residual loses its weight (Geman-McClure).
 const ROBUST_SIGMAS: f32 = 3.0;
 /// Least standard deviation of a residual, m: the map is no better than this.
 const RESIDUAL_FLOOR_M: f32 = 0.002;
-/// Within this many sigmas a point lies on the map.
+/// Sigmas within which a point lies on the map.
 const ON_MAP_SIGMAS: f32 = 4.0;
 
-/// A surface whose normal is nearer to a direction than this (cosine of 75°) faces it.
+/// Least cosine between a direction and the normal of a surface that faces it (75°).
 const FACING_COS: f32 = 0.26;
 
 /// Sums over points, in the order xx, xy, xt, yy, yt, tt of the pose's information.
@@ -70,11 +70,11 @@ pub struct Laid {
 
 /// A point of a block against its line.
 pub struct Seen {
-    /// Derivatives of the residual by the pose.
+    /// Derivative of the residual by x of the pose.
     pub jx: f32,
-    /// By y.
+    /// Derivative by y.
     pub jy: f32,
-    /// By yaw.
+    /// Derivative by yaw.
     pub jt: f32,
     /// Cosine of the incidence, signed by the line's normal.
     pub cos: f32,
@@ -281,8 +281,8 @@ impl Alignment<'_> {
         terms
     }
 
-    /// A point against its line: derivatives, residual and robust weight (Geman-McClure). The errors
-    /// of the scanner's ranges are taken out of the point and of the line alike.
+    /// Compares a point with its line: derivatives, residual and robust weight (Geman-McClure). The
+    /// errors of the scanner's ranges are subtracted from the point and from the line alike.
     #[inline]
     pub fn seen(&self, motion: &LocalMotion, block: &Block, laid: &Laid, i: usize) -> Seen {
         let (qx, qy) = (laid.qx[i], laid.qy[i]);
@@ -308,8 +308,8 @@ impl Alignment<'_> {
         }
     }
 
-    /// The information of the surfaces that face `direction` (LiDAR's frame) on the position
-    /// along it: the others tell of it only through the noise of their normals.
+    /// The information of the surfaces that face `direction` (LiDAR's frame) on the position along
+    /// it: the others show it only through the noise of their normals.
     pub fn information_facing(&self, motion: &LocalMotion, direction: Vector2<f64>) -> f64 {
         let (ex, ey) = (direction.x as f32, direction.y as f32);
         let mut sum = 0.0;

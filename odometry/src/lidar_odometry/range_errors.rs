@@ -10,7 +10,7 @@ pub struct RangeErrors {
 }
 
 impl RangeErrors {
-    /// By how much points seen at an incidence of this cosine lie off their surface, along the normal
+    /// Offset of points seen at an incidence of this cosine from their surface, along the normal
     /// that the cosine is signed by, m.
     #[inline]
     pub fn across_m(self, cos: f32) -> f32 {

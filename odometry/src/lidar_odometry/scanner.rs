@@ -1,11 +1,12 @@
-//! Systematic errors of a scanner, learnt from the surfaces that it sees twice:
-//! a bias of its ranges, and how long it takes for a scan whose beams carry no times.
+//! Systematic errors of a scanner, learnt from the surfaces that it sees twice: a bias of its
+//! ranges, and the duration of a scan whose beams carry no times.
 //!
-//! The measured range of a surface met at the incidence `phi` is taken as `r + b + c (1 - cos phi)`.
-//! A line drawn from points seen under one incidence and met again under another one is off by
-//! `b (cos phi - cos phi_map) + c (g(cos phi) - g(cos phi_map))` with `g(x) = x - |x| x`: that tells
-//! `b` and `c` from each other and from the motion. A beam taken at the part `s` of the scan moves
-//! with its duration `T` by `s (v + omega x q)`: turns and speed tell `T`.
+//! The measured range of a surface met at the incidence `phi` is modelled as
+//! `r + b + c (1 - cos phi)`. A line drawn from points seen under one incidence and met again under
+//! another one is off by `b (cos phi - cos phi_map) + c (g(cos phi) - g(cos phi_map))` with
+//! `g(x) = x - |x| x`: that distinguishes `b` and `c` from each other and from the motion. A beam
+//! taken at the part `s` of the scan moves with its duration `T` by `s (v + omega x q)`: turns and
+//! speed determine `T`.
 
 use std::f64::consts::TAU;
 
@@ -18,97 +19,100 @@ use super::range_errors::RangeErrors;
 use super::sensitivity::ScannerEquations;
 use crate::scan::Scan;
 
-/// Ranges of scanners are off by so much, m (one sigma): SICK states 25 to 30 mm for its LMS.
+/// Prior sigma of a scanner's range bias, m: SICK states 25 to 30 mm for its LMS.
 const RANGE_BIAS_SIGMA_M: f64 = 0.03;
-/// At a grazing incidence by so much more, m (one sigma): 1 cm at 60 degrees.
+/// Prior sigma of the further bias at a grazing incidence, m: 1 cm at 60 degrees.
 const INCIDENCE_BIAS_SIGMA_M: f64 = 0.02;
-/// Known to this the range bias is learnt, m: it leaves 0.05 mm a second.
+/// Sigma at which the range bias counts as learnt, m: it leaves 0.05 mm a second.
 const RANGE_BIAS_LEARNT_M: f64 = 0.0015;
 /// The same for the bias by incidence, m.
 const INCIDENCE_BIAS_LEARNT_M: f64 = 0.003;
 /// The same for the duration of a scan, as a part of the time between scans.
 const LEARNT_PART: f64 = 0.03;
-/// Part of what a scan seems to say that is new: scans are held against one and the same map.
+/// Part of a scan's evidence that counts as new: scans are compared with one and the same map.
 const NEW_PART: f64 = 0.1;
-/// What is kept of the evidence from one scan asked to the next: some 100 m of driving count.
+/// Part of the evidence that is kept from one evaluated scan to the next: some 100 m of driving
+/// count.
 const KEPT: f64 = 0.998;
 /// Largest step of a bias at once, m.
 const BIAS_STEP_MAX_M: f64 = 0.005;
 
-/// A scan without times is judged after so many scans on the move,
+/// Scans on the move after which a scanner without beam times is judged,
 const JUDGED_SCANS: u32 = 15;
-/// and once its duration is known to this part of the time between scans.
+/// and sigma of a scan's duration below which it is, as a part of the time between scans.
 const JUDGED_SIGMA: f64 = 0.06;
-/// It turns when its duration is more than this part of the time between scans,
+/// Least duration of a scan of a scanner that turns, as a part of the time between scans,
 const TURNING_MIN: f64 = 0.15;
-/// and this many sigmas.
+/// and in sigmas.
 const TURNING_SIGMAS: f64 = 6.0;
-/// One that was taken for a scanner that does not turn is judged again from so many scans asked on,
+/// Evaluated scans after which a scanner that was judged not to turn is judged again,
 const ASKED_AGAIN_FROM: u32 = 60;
-/// up to so many: what it was judged by may have held the floor, and a map that is drawn without beam times
-/// hides most of a duration.
+/// up to so many: its first scans may have held the floor, and a map that is drawn without beam
+/// times hides most of a duration.
 const ASKED_AGAIN_TO: u32 = 500;
-/// It turns after all when its duration is more than this part of the time between scans,
+/// Least duration of a scan of a scanner that turns after all, as a part of the time between scans,
 const HIDDEN_MIN: f64 = 0.02;
-/// and this many sigmas.
+/// and in sigmas.
 const HIDDEN_SIGMAS: f64 = 3.5;
-/// A duration this near to the time between scans, or to a whole part of it, is taken for that.
+/// Largest difference, as a part, at which a duration is rounded to the time between scans or to a
+/// whole part of it.
 const WHOLE_PART: f64 = 0.08;
-/// The map is begun again when the duration has moved by more than this part since it was begun,
+/// Change of the duration since the map was begun, as a part, that begins the map again,
 const REMAP_PART: f64 = 0.04;
-/// by so many sigmas,
+/// and in sigmas,
 const REMAP_SIGMAS: f64 = 4.0;
-/// and so many scans on the move were asked since.
+/// and evaluated scans on the move since then.
 const REMAP_SCANS: u32 = 60;
-/// What is kept then of the evidence, and when the floor is found in it: it came from a map that was
-/// distorted.
+/// Part of the evidence that is kept then, and when the floor is found in it: it came from a
+/// distorted map.
 const KEPT_BY_REMAP: f64 = 0.1;
-/// No duration is looked for beyond this many times what the time between scans leaves.
+/// Largest duration that is looked for, as a multiple of the longest that the time between scans
+/// allows.
 const DURATION_MAX: f64 = 1.1;
-/// The uncertainty about the duration of a scan is no less, s (one sigma): before a second one was seen.
+/// Least uncertainty of a scan's duration, s (one sigma): before a second one was received.
 const DURATION_SIGMA_MIN_S: f64 = 1e-3;
-/// Of so many times between scans the mean is taken.
+/// Number of times between scans that are averaged.
 const INTERVALS: f64 = 500.0;
-/// A time between scans longer than this many of the mean is a loss,
+/// Multiple of the mean time between scans beyond which a longer one is a loss,
 const LOSS_INTERVALS: f64 = 1.5;
-/// unless losses outnumber the other times by so many: then the first times were too short.
+/// and surplus of losses over the other times at which it is not: then the first times were too
+/// short.
 const LOSSES_MAX: u32 = 10;
 
-/// When the beams of a scan are taken.
+/// Times of a scan's beams.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BeamTimes {
-    /// As the scans say.
+    /// Times that the scans state.
     Stated,
-    /// The scans state none; too little was driven to see whether the scanner turns.
+    /// Times that no scan states; too little was driven to see whether the scanner turns.
     Unknown,
-    /// The scans state none, and they are right: no motion shows within a scan.
+    /// Times that no scan states, rightly: no motion shows within a scan.
     AtOnce,
-    /// The scans were made of points without times, of which not even the order is known.
+    /// Times that the points of which the scans were made lack; not even their order is known.
     Missing,
-    /// The scans state none, and the scanner turns: a scan takes so long.
+    /// Times that no scan states, of a scanner that turns: a scan lasts so long.
     Turning {
-        /// From the first beam to the last, s.
+        /// Duration from the first beam to the last, s.
         duration_s: f64,
         /// Its standard deviation, s.
         sigma_s: f64,
     },
 }
 
-/// What is known of a scanner.
+/// Knowledge of a scanner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScannerReport {
-    /// When the beams are taken.
+    /// Times of the beams.
     pub beam_times: BeamTimes,
-    /// How much too long its ranges are, m, and the standard deviation of that.
+    /// Bias of its ranges (positive: too long), m, and its standard deviation.
     pub range_bias_m: (f64, f64),
-    /// How much longer they are on a surface that is met at a grazing incidence, m, and the standard
-    /// deviation of that.
+    /// Further bias on a surface that is met at a grazing incidence, m, and its standard deviation.
     pub incidence_bias_m: (f64, f64),
-    /// Where it sees the floor, if it does: its plane is tilted.
+    /// Line of the floor, if the scanner sees it: its plane is tilted.
     pub floor: Option<FloorLine>,
 }
 
-/// Where the judgement on a scanner's beam times stands.
+/// State of the judgement on a scanner's beam times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Timing {
@@ -119,40 +123,40 @@ enum Timing {
     Turning,
 }
 
-/// Why a map has to be begun again.
+/// Reason to begin a map again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Remap {
-    /// The duration of a scan is known better now; the poses so far were given with what was not known of it.
+    /// Better knowledge of a scan's duration; the poses so far were published with its uncertainty.
     Better,
-    /// The scanner turns although it was taken for one that does not: the poses so far were misled.
+    /// Scanner that turns although it was judged not to: the poses so far were misled.
     TurnsAfterAll,
 }
 
-/// Learns what a scanner gets wrong. The order of its three unknowns: duration, `b`, `c`.
+/// Learns a scanner's systematic errors. The order of its three unknowns: duration, `b`, `c`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Scanner {
     values: Vector3<f64>,
     information: Matrix3<f64>,
     timing: Timing,
-    /// Scans on the move that were asked for their duration.
+    /// Scans on the move that were evaluated for their duration.
     asked: u32,
-    /// Whether it was ever taken for a scanner that does not turn: poses were given as sure then.
+    /// True if it was ever judged not to turn: poses were published as sure then.
     #[serde(default)]
     was_at_once: bool,
     /// The duration that the map was begun with, s.
     mapped_s: f64,
-    /// Mean time between scans, s, and over how many.
+    /// Mean time between scans, s, with the number of them.
     interval_s: f64,
     intervals: f64,
-    /// By how many the losses of late outnumber the other times between scans.
+    /// Surplus of the recent losses over the other times between scans.
     #[serde(default)]
     losses: u32,
-    /// What a scan covers of a turn.
+    /// Part of a turn that a scan covers.
     part_of_turn: f64,
     /// True if its scans are made of points without times.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     lacks_beam_times: bool,
-    /// By how much the pose of the last scan moves with each of the unknowns, in this map.
+    /// Derivatives of the last scan's pose by each of the unknowns, in this map.
     #[serde(skip)]
     pose_by: Matrix3<f64>,
 }
@@ -185,7 +189,7 @@ impl Scanner {
         }
     }
 
-    /// Time from one beam of a scan to the next, s: what the scan says, else what was learnt.
+    /// Time from one beam of a scan to the next, s: stated by the scan, else learnt.
     pub fn time_increment_s(&mut self, scan: &Scan) -> f64 {
         self.lacks_beam_times = scan.lacks_beam_times();
         let stated_s = scan.shape().time_increment_s;
@@ -202,7 +206,7 @@ impl Scanner {
         self.duration_in_use_s() / beams
     }
 
-    /// What is known of it, with where it sees the floor.
+    /// Report of its errors, with its line of the floor.
     pub fn report(&self, floor: Option<FloorLine>) -> ScannerReport {
         let sigma = self.sigmas();
         ScannerReport {
@@ -236,8 +240,8 @@ impl Scanner {
         self.interval_s += (interval_s - self.interval_s) / self.intervals;
     }
 
-    /// Whether a scan at this motion is asked before the map takes one: the beam times of a scanner
-    /// that moves are to be known soon.
+    /// True if a scan at this motion is evaluated before the map is updated with one: the beam
+    /// times of a moving scanner must be known soon.
     pub fn asks_at_once(&self, motion: &Motion) -> bool {
         self.is_unknown() && is_on_the_move(motion)
     }
@@ -246,8 +250,8 @@ impl Scanner {
         self.timing == Timing::Unknown
     }
 
-    /// Learns from a scan held against the map. Says why the map has to be begun again, if so: it was drawn
-    /// with other beam times.
+    /// Learns from a scan aligned with the map. Returns the reason to begin the map again, if any:
+    /// it was drawn with other beam times.
     ///
     /// With the residuals `r` of the aligned scan, their derivatives `D` by the unknowns and `J` by
     /// pose and velocity, whose covariance is `P`, the unknowns' own information is
@@ -290,8 +294,9 @@ impl Scanner {
         self.judge_timing()
     }
 
-    /// What is not known of the scanner yet, in the pose of a scan: `S P S'` (Schmidt). Scan by
-    /// scan it is one and the same error and no noise, so it is given out only until it is learnt.
+    /// Covariance of a scan's pose from what is not yet known of the scanner: `S P S'` (Schmidt).
+    /// Scan by scan it is one and the same error and no noise, so it is published only until it is
+    /// learnt.
     pub fn pose_covariance(&self) -> Matrix3<f64> {
         let learnt = [
             LEARNT_PART * self.longest_s(),
@@ -311,8 +316,8 @@ impl Scanner {
         }
     }
 
-    /// The duration, or that of a scanner that never stops and sends every scan, or every second,
-    /// where it is near: slow scans tell it to some percent only.
+    /// Duration, rounded to that of a scanner that never stops and sends every scan, or every
+    /// second, where it is near: slow scans determine it to some percent only.
     fn nearest_whole_s(&self) -> f64 {
         let duration_s = self.values[0];
         let scans = (self.longest_s() / duration_s).round().max(1.0);
@@ -324,7 +329,8 @@ impl Scanner {
         }
     }
 
-    /// The duration of a scan is anywhere up to the time between scans.
+    /// Prior information on the unknowns: the duration of a scan is anywhere up to the time between
+    /// scans.
     fn prior_information(&self) -> Matrix3<f64> {
         let sigmas = [
             self.longest_s().max(DURATION_SIGMA_MIN_S),
@@ -342,7 +348,7 @@ impl Scanner {
             })
     }
 
-    /// What a scan takes of a scanner that turns once from scan to scan, s; it takes no longer.
+    /// Duration of a scan of a scanner that turns once from scan to scan, s; no scan lasts longer.
     fn longest_s(&self) -> f64 {
         self.interval_s * self.part_of_turn
     }
@@ -387,7 +393,7 @@ impl Scanner {
         None
     }
 
-    /// What of it holds in any map.
+    /// Returns the part of it that holds in any map.
     pub fn without_map(&self) -> Self {
         Self {
             pose_by: Matrix3::zeros(),
@@ -400,7 +406,8 @@ impl Scanner {
         self.mapped_s = self.duration_in_use_s();
     }
 
-    /// Widens what was learnt: part of it came from what is no wall. Whether it turns is judged again.
+    /// Widens what was learnt: part of it came from returns that are no wall's. Whether it turns is
+    /// judged again.
     pub fn widen(&mut self) {
         self.information *= KEPT_BY_REMAP;
         self.asked = 0;
@@ -422,7 +429,7 @@ impl Scanner {
     }
 }
 
-/// Whether a motion would show within a scan.
+/// True if a motion would show within a scan.
 fn is_on_the_move(motion: &Motion) -> bool {
     motion.velocity.xy().norm() > 0.1 || motion.velocity.z.abs() > 0.1
 }

@@ -5,15 +5,16 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use super::beam_filter::{Block, LANES};
 use super::point_to_line::{Alignment, Laid, LocalMotion, sum_of_lanes};
 
-/// Of the blocks of points one in so many is asked: the unknowns stay, so that any scan tells.
+/// Stride of the evaluated blocks of points: the unknowns stay, so that any scan shows them.
 const ASKED_STRIDE: usize = 2;
 /// Derivatives of a residual: by the three unknowns, then by pose and velocity.
 const COLUMNS: usize = 9;
 /// Products of an unknown's derivative with all of them, and with the residual.
 const TERMS: usize = 3 * (COLUMNS + 1);
 
-/// What the residuals `r` of an aligned scan say of the scanner's three unknowns, whose derivatives
-/// of `r` are `D` (by duration, range bias and bias by incidence); `J` are those by pose and velocity.
+/// Evidence of an aligned scan's residuals `r` on the scanner's three unknowns, whose derivatives
+/// of `r` are `D` (by duration, range bias and bias by incidence); `J` are those by pose and
+/// velocity.
 #[derive(Debug, Clone, Copy)]
 pub struct ScannerEquations {
     /// `D'WD`.
@@ -25,8 +26,8 @@ pub struct ScannerEquations {
 }
 
 impl Alignment<'_> {
-    /// One pass over every other block: the weighted products of the derivatives. `phase` picks the
-    /// blocks, so that over time all are asked.
+    /// Sums the weighted products of the derivatives over every other block. `phase` picks the
+    /// blocks, so that over time all are evaluated.
     pub fn ask_scanner(&self, motion: &LocalMotion, phase: usize) -> ScannerEquations {
         let mut totals = [0.0; TERMS];
         let blocks = self.points.blocks().iter();

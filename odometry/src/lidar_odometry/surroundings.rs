@@ -13,7 +13,7 @@ pub struct Surroundings {
     pub stamp: RobotTime,
     /// The LiDAR's pose then.
     pub lidar_in_odom: Pose2,
-    /// Whether the scan fits nowhere: its pose is a guess.
+    /// True if the scan fits nowhere: its pose is a guess.
     pub is_lost: bool,
     /// Its usable returns, corrected for the motion within the scan.
     pub returns_m: Vec<[f64; 2]>,

@@ -6,45 +6,46 @@ use super::correlative_search::Window;
 use super::fit::{AGREEMENT_FOUND, Fit};
 use super::motion::Motion;
 
-/// Whether the pose can be trusted.
+/// Trust in a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Tracking {
-    /// The scan fits the map.
+    /// Scan that fits the map.
     Tracking,
-    /// It fits, but a direction is unconstrained or the fit is poor.
+    /// Scan that fits, but a direction is unconstrained or the fit is poor.
     Degraded,
-    /// It does not fit: the pose is a guess, and its covariance says so.
+    /// Scan that does not fit: the pose is a guess, and its covariance is as wide.
     Lost,
-    /// The first scan that fits again after a loss.
+    /// Scan that is the first to fit again after a loss.
     Recovered,
 }
 
-/// A fit that explains less than this share of the still points is not a fit.
+/// Least share of the still points that a fit explains.
 const EXPLAINED_MIN: f32 = 0.3;
-/// A pose found again after a loss has to explain this share.
+/// Least share that a pose found again after a loss explains.
 const EXPLAINED_RECOVERED_MIN: f32 = 0.5;
-/// A prediction vaguer than this in position (one sigma) may lie outside the alignment's basin, m.
+/// Largest sigma of a prediction's position within the alignment's basin, m.
 const BASIN_M: f64 = 0.05;
 /// The same in yaw, rad.
 const BASIN_RAD: f64 = 0.03;
-/// The search is also asked when the points lie less close than this part of what they did of late.
+/// Part of the recent closeness of the points below which a better pose is searched for.
 const CLOSENESS_DROP: f32 = 0.9;
-/// A scan less close than this part is lost; one found again has to come nearer to it.
+/// Part of the recent closeness below which a scan is lost; one found again has to come nearer to
+/// it.
 const CLOSENESS_MIN: f32 = 0.4;
 /// The same after a loss.
 const CLOSENESS_RECOVERED_MIN: f32 = 0.75;
 /// Gain of the mean closeness.
 const CLOSENESS_GAIN: f32 = 0.1;
-/// Below this share the robot and its map have parted.
+/// Least share of agreement at which the robot and its map have not parted.
 const AGREEMENT_MIN: f32 = 0.25;
 /// Largest speed of a robot that the search allows for, m/s.
 const SPEED_MAX_MPS: f64 = 3.0;
 /// Largest angular speed that the search allows for, rad/s.
 const ANGULAR_SPEED_MAX_RADPS: f64 = 2.5;
-/// After so many scans without a fit the map is begun again; one known before is searched widely.
+/// Scans without a fit after which the map is begun again; a known one is searched widely.
 pub const LOST_SCANS_MAX: u32 = 15;
-/// How far, m.
+/// Reach of that wide search, m.
 const WIDE_REACH_M: f64 = 8.0;
 
 /// The state from scan to scan.
@@ -54,11 +55,11 @@ pub struct Track {
     lost_scans: u32,
     /// Mean closeness of the fits of late.
     closeness: f32,
-    /// Whether the map was known before, and whether a pose in it was found yet.
+    /// Placement in the known map, if there is one.
     known_map: Option<Placed>,
 }
 
-/// Whether a pose in a known map was found yet.
+/// Placement in a known map: whether a pose in it was found yet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Placed {
     No,
@@ -66,18 +67,18 @@ enum Placed {
 }
 
 impl Track {
-    /// Whether the prediction is too vague for the alignment to fall into place from it.
+    /// True if the prediction is too vague for the alignment to fall into place from it.
     pub fn is_vague(predicted: &Motion) -> bool {
         let (position_m, yaw_rad) = predicted.pose_sigmas();
         position_m > BASIN_M || yaw_rad > BASIN_RAD
     }
 
-    /// Whether a better pose should be looked for: the fit is poor, or poorer than those before.
+    /// True if a better pose should be searched for: the fit is poor, or poorer than those before.
     pub fn distrusts(self, fit: &Fit) -> bool {
         !fit.is_good() || fit.closeness() < CLOSENESS_DROP * self.closeness
     }
 
-    /// Before the first pose in a map that was known before.
+    /// Begins in a known map, before the first pose in it.
     pub fn in_known_map() -> Self {
         Self {
             known_map: Some(Placed::No),
@@ -85,9 +86,9 @@ impl Track {
         }
     }
 
-    /// Whether the scan lies on the map: it explains enough, and not suddenly much less than of
-    /// late, as after a kidnap. To be found again takes more; a place in a known map is found by
-    /// what that map says.
+    /// True if the scan lies on the map: it explains enough, and not suddenly much less than
+    /// before, as after a kidnap. After a loss more is required; a place in a known map is found by
+    /// that map's agreement.
     pub fn accepts(self, fit: &Fit) -> bool {
         if self.known_map == Some(Placed::No) {
             return fit.places();
@@ -106,23 +107,23 @@ impl Track {
             && fit.agreement().is_none_or(|share| share >= agreement_min)
     }
 
-    /// Whether the last scan had no fit.
+    /// True if the last scan had no fit.
     pub fn is_lost(self) -> bool {
         self.lost_scans > 0
     }
 
-    /// What was seen is given up: only what was known before counts.
+    /// Forgets the place in a known map and the recent closeness: only the known map counts.
     pub fn forget(&mut self) {
         self.known_map = self.known_map.map(|_| Placed::No);
         self.closeness = 0.0;
     }
 
-    /// Whether the loss has lasted so long that the map is given up.
+    /// True if the loss has lasted so long that the map is given up.
     pub fn gives_up(self) -> bool {
         self.lost_scans >= LOST_SCANS_MAX
     }
 
-    /// How far to search, `dt` seconds after the last scan: as far as the LiDAR can have come,
+    /// Window of the search, `dt` seconds after the last scan: as far as the LiDAR can have come,
     /// and after a loss farther and farther. A known map is searched widely now and then.
     pub fn window(self, dt: f64) -> Window {
         match self.lost_scans {

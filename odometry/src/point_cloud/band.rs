@@ -31,19 +31,19 @@ pub struct BandFields {
     /// Highest height taken, m; 0.5 unless given.
     #[cfg_attr(feature = "openapi", schema(required = false, minimum = -50.0, maximum = 50.0))]
     pub height_max_m: f64,
-    /// What is nearer than this in the plane is the robot itself, m; 0.3 unless given.
+    /// Smallest range of a point in the plane, m; nearer is the robot itself. 0.3 unless given.
     #[cfg_attr(
         feature = "openapi",
         schema(required = false, minimum = 0.0, maximum = 300.0)
     )]
     pub range_min_m: f64,
-    /// What is farther is left out, m; 60 unless given.
+    /// Largest range of a point in the plane, m; farther points are left out. 60 unless given.
     #[cfg_attr(
         feature = "openapi",
         schema(required = false, minimum = 0.0, maximum = 300.0)
     )]
     pub range_max_m: f64,
-    /// What is this near to floor or ceiling belongs to it, m; 0.1 unless given.
+    /// Largest distance of a point of the floor or the ceiling from it, m; 0.1 unless given.
     #[cfg_attr(
         feature = "openapi",
         schema(required = false, minimum = 0.0, maximum = 1.0)
@@ -53,7 +53,7 @@ pub struct BandFields {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false, minimum = 90, maximum = 16384, value_type = Option<u32>))]
     pub beams: Option<usize>,
-    /// Takes all points as measured at the stamp, whatever their times: for a cloud that was
+    /// Treats all points as measured at the stamp, whatever their times: for a cloud that was
     /// deskewed before.
     #[cfg_attr(feature = "openapi", schema(required = false))]
     pub ignore_times: bool,

@@ -9,25 +9,25 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::CloudPoint;
 
-/// Heights are counted in steps of this, m.
+/// Step in which heights are counted, m.
 const STEP_M: f32 = 0.05;
-/// Up to this height above or below the LiDAR, m.
+/// Largest height above or below the LiDAR that is counted, m.
 const HEIGHT_MAX_M: f32 = 12.0;
-/// Nothing nearer to the LiDAR's own height is floor or ceiling, m.
+/// Smallest height of a floor or a ceiling from the LiDAR's own, m.
 const HEIGHT_MIN_M: f32 = 0.05;
-/// Heights are counted within this range, where a tilt has not raised them much, m.
+/// Range within which heights are counted, where a tilt has not raised them much, m.
 const NEAR_M: f32 = 6.0;
-/// The plane is fitted within these ranges, one after the other, m, to points this near to it, m.
+/// Ranges within which the plane is fitted, one after the other, m, to points this near to it, m.
 const FITS: [(f32, f32); 4] = [(6.0, 0.15), (10.0, 0.12), (20.0, 0.1), (40.0, 0.08)];
 /// Fewest points.
 const POINTS_MIN: usize = 40;
 /// Steepest slope either way.
 const SLOPE_MAX: f64 = 0.15;
-/// Directions are counted in so many sectors.
+/// Sectors in which directions are counted.
 const SECTORS: usize = 64;
-/// Points in a sector are at several ranges when they are this far apart, m.
+/// Least distance between the ranges of points in a sector at several ranges, m.
 const APART_M: f32 = 0.4;
-/// Fewest sectors in which they are.
+/// Fewest sectors with points at several ranges.
 const SECTORS_MIN: usize = 6;
 /// The least part of all sectors in which the surface is seen.
 const SECTORS_PART: f32 = 0.25;

@@ -1,4 +1,4 @@
-//! From the points of a 3D scanner to the scan of a planar one.
+//! Scan of a planar scanner from the points of a 3D one.
 //!
 //! Floor and ceiling go, then of each direction the nearest surface within a band of heights stays:
 //! a fan of beams, as a planar scanner would have measured it.
@@ -15,12 +15,12 @@ use crate::scan::{BEAMS_MAX, Scan, ScanShape};
 use horizontal::HorizontalSurface;
 use turn::Turn;
 
-/// Beams of a whole turn when neither the cloud nor its owner says how many.
+/// Beams of a whole turn when neither the cloud nor its owner gives a number.
 const BEAMS_UNLESS_GIVEN: usize = 1024;
 
-/// Returns of one beam that lie this far behind the nearest are of the same surface, m.
+/// Largest depth of a beam's returns behind the nearest one on the same surface, m.
 const SURFACE_DEPTH_M: f32 = 0.08;
-/// Floor and ceiling are looked for among at most so many points.
+/// Most points among which floor and ceiling are looked for.
 const ASKED_MAX: usize = 8192;
 
 /// A point in the LiDAR's frame, z up.
@@ -28,7 +28,7 @@ const ASKED_MAX: usize = 8192;
 pub struct CloudPoint {
     /// Position, m; not a number for no return.
     pub position_m: [f32; 3],
-    /// When it was taken, s after the cloud's stamp.
+    /// Time of its measurement, s after the cloud's stamp.
     pub time_s: f32,
 }
 
@@ -51,18 +51,18 @@ pub struct PointCloud {
     pub stamp: RobotTime,
     /// Its points, in any order.
     pub points: Vec<CloudPoint>,
-    /// How many directions an organised cloud has.
+    /// Number of directions of an organised cloud.
     pub columns: Option<usize>,
 }
 
 impl PlanarBand {
-    /// The scan of a planar scanner at the LiDAR's height. A cloud whose points have times becomes
-    /// a rolling scan; one whose times are to be ignored was taken at once, and of one without nobody
-    /// knows.
+    /// Scan of a planar scanner at the LiDAR's height. A cloud whose points have times becomes a
+    /// rolling scan, one whose times are to be ignored a scan taken at once, and one without times
+    /// a scan whose beam times are unknown.
     ///
     /// # Errors
-    /// Names the field when the points' times are not those of a scanner that turns, and what a
-    /// scan cannot be.
+    /// Names the field when the points' times are not those of a scanner that turns, or when the
+    /// scan would be impossible.
     pub fn scan(&self, cloud: &PointCloud) -> Result<Scan, FieldRefused> {
         // 1. What is there, without floor and ceiling.
         let is_there = |point: &CloudPoint| {

@@ -6,7 +6,7 @@ const STAMP: RobotTime = RobotTime(1_700_000_000_000_000_000);
 const FLOOR_M: f64 = -0.4;
 const CEILING_M: f64 = 3.0;
 
-/// How a scanner of 32 rings from −16 to 15 degrees sees a room.
+/// View of a room by a scanner of 32 rings from −16 to 15 degrees.
 #[derive(Clone, Copy)]
 struct View {
     columns: usize,

@@ -8,24 +8,24 @@ use super::CloudPoint;
 use crate::field::FieldRefused;
 use crate::geometry::wrap_angle_rad;
 
-/// At most so many points are asked for their times and directions.
+/// Most points whose times and directions are evaluated.
 const ASKED_MAX: usize = 4096;
-/// Times that differ by less were taken at once, s.
+/// Largest difference of times that were taken at once, s.
 const AT_ONCE_S: f32 = 1e-3;
 /// Farthest a point's time may be from the cloud's stamp, s.
 const TIME_MAX_S: f32 = 1.0;
-/// How closely directions must follow times (length of the mean of unit vectors).
+/// Least closeness with which directions must follow times (length of the mean of unit vectors).
 const FOLLOWS_MIN: f64 = 0.9;
-/// How closely directions must lie on a grid of beams to be its columns.
+/// Least closeness with which directions must lie on a grid of beams to be its columns.
 const COLUMNS_MIN: f64 = 0.5;
-/// A point farther aside of the scanner's direction is a stray one, rad.
+/// Largest angle of a point from the scanner's direction, rad; farther aside it is a stray one.
 const ASIDE_MAX_RAD: f64 = 0.5;
-/// The first look at the speed takes so many moments of the turn.
+/// Moments of the turn in the first estimate of the speed.
 const MOMENTS: usize = 64;
-/// A point whose time is off its beam's by more than this part of a turn is of the next turn.
+/// Part of a turn beyond which a point whose time is off its beam's belongs to the next turn.
 const SEAM: f64 = 0.25;
 
-/// The fan: its first beam, and from one beam to the next.
+/// Fan of beams: its first beam, and the step from one beam to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turn {
     /// Beams of the whole turn.
@@ -44,11 +44,11 @@ pub struct Turn {
 type Look = (f64, f64);
 
 impl Turn {
-    /// The turn that the points' times tell of; without times, or when they are ignored, all at
+    /// Determines the turn from the points' times; without times, or when they are ignored, all at
     /// once. The beams are laid on the cloud's columns where it has so many.
     ///
     /// # Errors
-    /// When the times are not those of a scanner that turns evenly.
+    /// Returns an error when the times are not those of a scanner that turns evenly.
     pub fn of(
         points: &[CloudPoint],
         beams: usize,

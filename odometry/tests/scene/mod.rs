@@ -137,7 +137,7 @@ impl Scene {
     }
 }
 
-/// What the scanner is like.
+/// Properties of the scanner.
 #[derive(Debug, Clone, Copy)]
 pub struct Scanner {
     pub beams: usize,
@@ -148,18 +148,18 @@ pub struct Scanner {
     pub noise_m: f64,
     pub dropped: f64,
     pub range_max_m: f64,
-    /// Whether a rolling scanner keeps the beams' times to itself (`time_increment` 0).
+    /// True if a rolling scanner does not publish the beams' times (`time_increment` 0).
     pub untimed: bool,
-    /// Added to every range, m.
+    /// Bias of every range, m.
     pub range_bias_m: f64,
-    /// Added to a range as the surface turns away from the beam, m: all of it at a grazing beam.
+    /// Bias of a range as the surface turns away from the beam, m: all of it at a grazing beam.
     pub incidence_bias_m: f64,
     /// Tilt of its plane, and the direction it is tilted towards, rad.
     pub tilt_rad: f64,
     pub tilt_direction_rad: f64,
-    /// By so much the floor is uneven, m.
+    /// Unevenness of the floor, m.
     pub uneven_m: f64,
-    /// By so much the plane's tilt swings as the robot drives, rad.
+    /// Swing of the plane's tilt as the robot drives, rad.
     pub pitch_rad: f64,
 }
 

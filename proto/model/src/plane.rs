@@ -52,9 +52,9 @@ impl Point {
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = PoseDocument))]
 pub struct Pose2 {
-    /// Forward, m.
+    /// Position forward, m.
     pub x_m: f64,
-    /// To the left, m.
+    /// Position to the left, m.
     pub y_m: f64,
     /// Counter-clockwise, rad.
     // Not wrapped: it counts turns.

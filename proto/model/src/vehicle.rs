@@ -18,11 +18,11 @@ pub enum VehicleModel {
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum SpeedMeasuredAt {
-    /// At the rear axle's centre.
+    /// Rear axle's centre.
     RearAxle,
-    /// At the steered front wheel: `v = v_front * cos(steering_true)`.
+    /// Steered front wheel: `v = v_front * cos(steering_true)`.
     SteeredWheel,
-    /// At one rear wheel, `lateral_m` to the left of the axle's centre.
+    /// One rear wheel, `lateral_m` to the left of the axle's centre.
     RearWheel {
         /// Position of the wheel along y of `base`, m.
         lateral_m: f64,

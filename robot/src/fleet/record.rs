@@ -66,7 +66,7 @@ pub struct RecordedTruth {
     /// Imperfections that the model of a robot does not cover; left out if there are none.
     #[serde(default, skip_serializing_if = "Imperfections::is_none")]
     pub imperfections: Imperfections,
-    /// Names of what is wrong with the messages; left out when nothing is.
+    /// Names of the wrong inputs in the messages; left out when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub wrong: Vec<String>,
 }
@@ -110,11 +110,12 @@ pub fn record(
     record_wrong(robot, duration_s, path, &[])
 }
 
-/// The same with wrong inputs: the robot is right, what is recorded of it is not. Messages are logged
-/// when they arrive.
+/// Records the same with wrong inputs: the robot is right, its recording is not. Messages are
+/// logged when they arrive.
 ///
 /// # Errors
-/// When the duration or the robot's configuration cannot be, or a file cannot be written.
+/// Returns an error when the duration or the robot's configuration is impossible, or a file cannot
+/// be written.
 pub fn record_wrong(
     robot: &SimulatedRobot,
     duration_s: f64,

@@ -10,7 +10,7 @@ use super::Channel;
 pub enum ChosenWheelOdometry {
     /// Speed and steering are in the same messages.
     Whole(Channel),
-    /// On topics of their own, to be paired by stamp.
+    /// Speed and steering are on topics of their own, to be paired by stamp.
     Halves {
         /// Steering.
         steering: Channel,

@@ -21,6 +21,7 @@ const DIGEST_BYTES_SHOWN: usize = 4;
 pub fn cluster_sightings(snapshot: &Snapshot, policy: &AlertPolicy) -> Vec<(Subject, Sighting)> {
     let seen = [
         (AlertKind::NoInstance, no_instance(snapshot)),
+        (AlertKind::RoutersCut, routers_cut(snapshot)),
         (
             AlertKind::ConfigurationsDiffer,
             configurations_differ(snapshot),
@@ -97,6 +98,22 @@ fn unreadable(snapshot: &Snapshot, robots: &[RobotId]) -> String {
         ),
         _ => String::new(),
     }
+}
+
+/// Pairs of live instances of which one does not receive the other.
+fn routers_cut(snapshot: &Snapshot) -> Option<Seen> {
+    let parts = live(snapshot).flat_map(|member| {
+        let unheard = member.hearing.unheard_instances.iter();
+        unheard.map(|other| {
+            let (name, other) = (member.seat.instance.as_str(), other.as_str());
+            format!("{name} does not receive {other}")
+        })
+    });
+    let parts: Vec<_> = parts.collect();
+    (!parts.is_empty()).then(|| Seen {
+        what: format!("the routers are cut apart: {}", parts.join(", ")),
+        robots: Vec::new(),
+    })
 }
 
 fn configurations_differ(snapshot: &Snapshot) -> Option<Seen> {
@@ -221,7 +238,7 @@ mod tests {
     fn a_cluster_as_it_should_be_has_no_alert() {
         let whole = snapshot(&[None, None]);
         let all = cluster_sightings(&whole, &AlertPolicy::default());
-        assert_eq!(all.len(), 3);
+        assert_eq!(all.len(), 4);
         assert!(
             all.iter()
                 .all(|(_, one)| one.observation == Observation::Clear)
@@ -267,6 +284,22 @@ mod tests {
         );
         differing.members[1].lease_left = Duration::ZERO;
         assert_eq!(seen(&differing, AlertKind::ConfigurationsDiffer), None);
+    }
+
+    #[test]
+    fn instances_that_do_not_receive_each_other_are_named() {
+        let mut cut = snapshot(&[]);
+        let (a, b) = (seat("a").instance, seat("b").instance);
+        cut.members[0].hearing.unheard_instances.insert(b);
+        cut.members[1].hearing.unheard_instances.insert(a);
+        let what = seen(&cut, AlertKind::RoutersCut).unwrap().what;
+        assert_eq!(
+            what,
+            "the routers are cut apart: a does not receive b, b does not receive a"
+        );
+        cut.members[1].lease_left = Duration::ZERO;
+        cut.members[0].lease_left = Duration::ZERO;
+        assert_eq!(seen(&cut, AlertKind::RoutersCut), None);
     }
 
     #[test]

@@ -199,7 +199,7 @@ pub enum CommandError {
     /// The joining checks named causes, which were printed.
     #[error("{causes} found wrong with the recording")]
     Found {
-        /// How many.
+        /// Number of causes.
         causes: usize,
     },
     /// The document could not be written as JSON.

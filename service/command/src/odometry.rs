@@ -73,13 +73,13 @@ pub(crate) struct OdometrySummary {
 /// Scans in each state of tracking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, utoipa::ToSchema)]
 struct TrackingCounts {
-    /// The scan fits the map.
+    /// Number of scans that fit the map.
     tracking: u64,
-    /// It fits, but a direction is unconstrained or the fit is poor.
+    /// Number of scans that fit, but a direction is unconstrained or the fit is poor.
     degraded: u64,
-    /// It does not fit: the pose is a guess.
+    /// Number of scans that do not fit: the pose is a guess.
     lost: u64,
-    /// The first scan that fits again after a loss.
+    /// Number of scans that are the first to fit again after a loss.
     recovered: u64,
 }
 

@@ -1,4 +1,4 @@
-//! Flags that say whose recording it is, and how its vehicle is built.
+//! Flags that name the robot of a recording, and describe its vehicle.
 
 use std::path::PathBuf;
 
@@ -57,10 +57,11 @@ pub struct RecordedRobot {
 }
 
 impl RobotArguments {
-    /// The robot of a recording: the flags first, then the configuration file, then the recording.
+    /// Determines the robot of a recording: by the flags first, then the configuration file, then
+    /// the recording.
     ///
-    /// # Errors
-    /// When the file, a flag or the recording's topics cannot be used, or the wheelbase is missing.
+    /// Returns an error when the file, a flag or the recording's topics cannot be used, or the
+    /// wheelbase is missing.
     pub fn of(&self, recording: &Recording) -> Result<RecordedRobot, CommandError> {
         let file = self.config.as_deref().map(Config::read).transpose()?;
         let file = file.unwrap_or_default();

@@ -136,7 +136,9 @@ impl Standing {
             AlertKind::NoData => Self::NoData,
             AlertKind::Fault => Self::Fault,
             AlertKind::Uncalibrated => Self::Uncalibrated,
-            AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => return None,
+            AlertKind::RoutersCut | AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => {
+                return None;
+            }
         })
     }
 }

@@ -47,7 +47,7 @@ impl Budget {
 /// [`LOSSES_LOGGED_MAX`] a minute for all robots together. All losses are counted elsewhere.
 #[derive(Debug, Default)]
 pub struct LossLog {
-    /// For each robot and kind: time of the last logged loss, and number of losses since.
+    /// Time of the last logged loss, and number of losses since, for each robot and kind.
     of_robots: BTreeMap<(Option<RobotId>, &'static str), (Duration, u64)>,
     /// Start of the current minute, and number of losses logged in it.
     minute: (Duration, usize),

@@ -1,4 +1,4 @@
-//! From the clouds of a 3D scanner to the scans of a planar one.
+//! Conversion of a 3D scanner's clouds into the scans of a planar one.
 
 use fleetcal_estimator::point_cloud::{CloudPoint, PlanarBand, PointCloud};
 use fleetcal_estimator::stream::FieldRefused;

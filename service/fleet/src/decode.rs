@@ -1,5 +1,6 @@
-//! From what a robot sends to what an estimator takes. The live path and `fleetcal calibrate` both
-//! come through here, so that a message is refused by both or by neither, for the same reason.
+//! Conversion of a robot's messages into an estimator's inputs. The live path and
+//! `fleetcal calibrate` both use it, so that a message is refused by both or by neither, for the
+//! same reason.
 
 use fleetcal_domain::limits::NOTE_CHARS_MAX;
 use fleetcal_domain::robot::ScanSettings;

@@ -1,4 +1,4 @@
-//! From what an estimator says to the documents that travel.
+//! Published documents made of an estimator's results.
 
 use fleetcal_domain::robot::{CheckFinding, Mount};
 use fleetcal_estimator::Vehicle;

@@ -1,5 +1,5 @@
-//! From a robot's messages to its estimator's events, in the order in which they come. The live
-//! path and `fleetcal calibrate` both go through it.
+//! Intake of a robot's messages: its estimator's events, in the order in which the messages arrive.
+//! The live path and `fleetcal calibrate` both use it.
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 

@@ -1,4 +1,4 @@
-//! From any of the ROS 2 messages that a stream may be made of to what a robot's task takes.
+//! Reading of the ROS 2 messages that a stream may be made of, for a robot's task.
 
 use fleetcal_domain::robot::{RobotConfig, ScanSettings};
 use fleetcal_domain::streams::{Joints, RobotStreams, message_types};

@@ -1,4 +1,4 @@
-//! From where a robot's task begins to where it ends.
+//! Running of a robot's task, from its start to its end.
 
 use std::sync::Arc;
 use std::time::Duration;

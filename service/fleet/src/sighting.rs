@@ -8,7 +8,7 @@ use fleetcal_proto::ros::{Header, Pose};
 pub struct Sighting {
     /// Its header stamp.
     pub stamp: RobotTime,
-    /// Name of its frame: of a pose, that of what is at the pose.
+    /// Name of its frame: of a pose, the frame that is at the pose.
     pub frame: String,
     /// Its content.
     pub content: Sighted,

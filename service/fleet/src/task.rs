@@ -5,6 +5,7 @@ mod checkpoints;
 mod checks;
 mod configuration;
 mod heard;
+mod live_checks;
 mod notes;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -40,8 +41,8 @@ use crate::stored::{self, Restored};
 use crate::tap::Tapped;
 use crate::top_view;
 use crate::verification_run::VerificationRun;
-use checks::LiveChecks;
 use heard::Known;
+use live_checks::LiveChecks;
 
 /// Parameters that have to be known before a robot counts as calibrated.
 const CALIBRATED: [Parameter; 4] = [

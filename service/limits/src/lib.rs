@@ -468,11 +468,16 @@ pub const CLUSTER_RENEW_EVERY: Duration = Duration::from_secs(2);
 /// Interval at which an instance reads the rows of the cluster.
 pub const CLUSTER_LOOK_EVERY: Duration = Duration::from_millis(250);
 /// Silence over Zenoh after which an instance counts as unheard by another one: the routers between
-/// them are cut.
-pub const CLUSTER_UNHEARD_AFTER: Duration = Duration::from_secs(1);
+/// them are cut. Not before Zenoh itself would give a connection up: instances that do not hear each
+/// other subscribe to each other's robots, and thousands of declarations delay heartbeats by more
+/// than a second, so that a shorter limit keeps itself exceeded.
+pub const CLUSTER_UNHEARD_AFTER: Duration = CLUSTER_ZENOH_LEASE;
 /// Silence after which, while instances do not hear each other, a robot counts as unheard by the
 /// instance that listens to it.
 pub const CLUSTER_ROBOT_UNHEARD_AFTER: Duration = Duration::from_secs(2);
+/// Time for which instances do not hear each other after which they subscribe to parked robots as
+/// well: these may have begun to send at the other side.
+pub const CLUSTER_ALL_HEARD_AFTER: Duration = Duration::from_secs(15);
 /// Time after which an instance claims robots and duties that another one should have claimed.
 pub const CLUSTER_CLAIM_OTHERS_AFTER: Duration = Duration::from_secs(2);
 /// Robots that an instance hands over at once.

@@ -18,7 +18,7 @@ type Jacobian = SMatrix<f64, 3, 7>;
 /// Derivatives by the input `u_k`: speed and measured steering angle.
 type ByInput = SMatrix<f64, 7, 2>;
 
-/// How the measurement is written.
+/// Form of the measurement's equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Equations {
     /// The paper's expanded equations, letter by letter.
@@ -27,7 +27,7 @@ pub enum Equations {
     Compact,
 }
 
-/// What the paper calls tunable.
+/// Parameters that the paper calls tunable.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tuning {
     /// Standard deviation of a speed, m/s.
@@ -42,7 +42,7 @@ pub struct Tuning {
     pub yaw_rad: f64,
 }
 
-/// What is believed at the start: the mount, its uncertainty (m and rad) and that of the steering offset.
+/// Belief at the start: the mount, its uncertainty (m and rad) and that of the steering offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Start {
     /// The mount.

@@ -22,6 +22,12 @@ export const KINDS: Record<AlertKind, Face> = {
   no_data: STANDINGS.no_data,
   fault: STANDINGS.fault,
   uncalibrated: STANDINGS.uncalibrated,
+  routers_cut: {
+    word: 'Routers cut',
+    shape: 'split',
+    tone: 'bad',
+    meaning: 'Instances of the service do not receive each other.',
+  },
   configurations_differ: {
     word: 'Configurations differ',
     shape: 'not-equal',

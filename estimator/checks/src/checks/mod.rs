@@ -29,7 +29,7 @@ const ALIGNED_AFTER_S: f64 = 3.0;
 const ALIGNED_MESSAGES_MIN: u64 = 10;
 /// Streams of which the ages differ by more are compared by arrival, s.
 const ALIGN_MIN_S: f64 = 1.0;
-/// Longest time between two poses that say how the LiDAR moved, s.
+/// Longest time between two poses that give a motion of the LiDAR, s.
 const MOTION_GAP_MAX_S: f64 = 1.0;
 /// Way over which a loss of LiDAR odometry may show in the motion, m.
 const LOST_OF_LATE_M: f64 = 60.0;
@@ -54,7 +54,7 @@ pub struct Head<'m> {
     pub stream: Stream,
     /// Its header stamp.
     pub stamp: RobotTime,
-    /// Name of its frame: of a pose, that of what is at the pose.
+    /// Name of its frame: of a pose, the frame that is at the pose.
     pub frame: &'m str,
     /// Time of arrival, ns, by a clock that is the same for all streams.
     pub arrival_ns: i64,
@@ -124,7 +124,7 @@ impl Checks {
         }
     }
 
-    /// Takes speed, steering angle or both as they were sent, in whatever unit.
+    /// Adds speed, steering angle or both as they were sent, in whatever unit.
     pub fn take_wheels(&mut self, head: &Head<'_>, speed: Option<f64>, steering: Option<f64>) {
         self.arrive(head);
         if self.rests {
@@ -159,7 +159,7 @@ impl Checks {
         }
     }
 
-    /// Takes a scan, and the time from one scan to the next that it states, s (0 for none). Its pose
+    /// Adds a scan, and the time from one scan to the next that it states, s (0 for none). Its pose
     /// follows by [`Checks::take_odometry`].
     pub fn take_scan(&mut self, head: &Head<'_>, scan: &Scan, scan_time_s: f64) {
         self.arrive(head);
@@ -170,7 +170,7 @@ impl Checks {
         self.scans.take(scan, scan_time_s);
     }
 
-    /// Takes the pose that LiDAR odometry gives a scan.
+    /// Adds the pose of a scan by LiDAR odometry.
     pub fn take_odometry(&mut self, pose: &OdometryPose) {
         if self.rests {
             return;
@@ -184,7 +184,7 @@ impl Checks {
         self.move_to(pose.stamp, pose.lidar_in_odom);
     }
 
-    /// Takes a pose that the robot sends for its LiDAR, and the tilt of the pose's z axis, rad.
+    /// Adds a pose that the robot sends for its LiDAR, and the tilt of the pose's z axis, rad.
     pub fn take_pose(&mut self, head: &Head<'_>, pose: Pose2, tilt_rad: f64) {
         self.arrive(head);
         if self.rests {
@@ -202,7 +202,7 @@ impl Checks {
         self.move_to(head.stamp, pose);
     }
 
-    /// Notes that a message was refused, and why.
+    /// Notes that a message was refused, with the reason.
     pub fn refuse(&mut self, stream: Stream, arrival_ns: i64, reason: &str) {
         self.pass_to(arrival_ns);
         if let Some(watch) = self.watch(stream, arrival_ns) {

@@ -6,7 +6,7 @@ use crate::finding::Suspicion;
 use crate::lag::Lag;
 use crate::motion::{LAG_MAX_S, Motion};
 
-/// Clocks that are nearer are within what the estimator follows, s.
+/// Smallest time between clocks that are apart, s; the estimator follows a smaller one.
 const APART_MIN_S: f64 = 0.3;
 /// Correlation at which the motion agrees, and how much less of it stays unexplained there than without
 /// a lag.
@@ -16,13 +16,13 @@ const LESS_UNEXPLAINED: f64 = 2.0;
 const DISAGREES: f64 = 0.6;
 /// Seconds that time scales are apart: GPS from UTC, TAI from UTC.
 const SCALES: [(f64, &str); 2] = [(18.0, "GPS time"), (37.0, "TAI")];
-/// Way before two vehicles are told apart, m.
+/// Way before two vehicles are distinguished, m.
 const OTHER_WAY_MIN_M: f64 = 15.0;
-/// A LiDAR that turns less than this stays straight, rad/s, while angles as wide as this steer, rad.
+/// Largest yaw rate of a LiDAR that stays straight, rad/s, while angles as wide as this steer, rad.
 const TURN_MIN_RADPS: f64 = 0.03;
 const STEERED_MIN_RAD: f64 = 0.1;
 
-/// Names clocks that are apart by the motion; says whether they are.
+/// Names clocks that are apart by the motion; returns true if they are.
 pub(super) fn suspicions(motion: &Motion, known: &Known, found: &mut Vec<Suspicion>) -> bool {
     let (speed, steering) = (motion.by_speed, motion.by_steering);
     let by_steering = steering.correlation > 0.85
@@ -65,7 +65,7 @@ pub(crate) fn explanation(apart_s: f64) -> String {
     scale.map_or_else(String::new, |(_, name)| format!(", as {name} is from UTC"))
 }
 
-/// Names wheels of another vehicle; says whether they are.
+/// Names wheels of another vehicle; returns true if they are.
 pub(super) fn are_of_two(motion: &Motion, known: &Known, found: &mut Vec<Suspicion>) -> bool {
     let Some(mount) = motion.mount else {
         return false;

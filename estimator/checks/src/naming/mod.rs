@@ -1,4 +1,4 @@
-//! From evidence to causes: each part reads what the motion shows and names what contradicts it.
+//! Causes by the evidence: each part reads what the motion shows and names what contradicts it.
 
 mod clocks;
 mod speed;

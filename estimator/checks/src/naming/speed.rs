@@ -9,11 +9,11 @@ use crate::cause::Cause;
 use crate::finding::Suspicion;
 use crate::motion::{Motion, Mount};
 
-/// The LiDAR stands below this speed, m/s.
+/// Speed below which the LiDAR stands, m/s.
 const STANDS_MPS: f64 = 0.05;
 /// Way that the wheels are ahead where it stands, m.
 const STANDS_WAY_MIN_M: f64 = 15.0;
-/// Scales within these need no word.
+/// Scales that need no word.
 const SCALE_OK: std::ops::Range<f64> = 0.8..1.25;
 /// Units by the metres a second of one of theirs.
 const UNITS: [(f64, &str); 6] = [
@@ -36,12 +36,12 @@ const EXPLAINED: f64 = 0.85;
 const BACKWARDS_RAD: f64 = 2.1;
 /// Shares of driving against the sign that are neither noise nor all of it.
 const FLIPPED: std::ops::Range<f64> = 0.01..0.99;
-/// No LiDAR is mounted so near the rear axle's middle, m and rad.
+/// Distance from the rear axle's middle, m and rad, within which no LiDAR is mounted.
 const BASE_MAX: f64 = 0.01;
-/// A drawing's yaw is wrong by no more, rad.
+/// Largest error of a drawing's yaw, rad.
 const NOMINAL_OFF_RAD: f64 = 0.5 * PI;
 
-/// Names what is wrong with the speed; says whether the rest can be judged by it.
+/// Names a wrong speed; returns true if the rest can be judged by it.
 pub(super) fn suspicions(motion: &Motion, known: &Known, found: &mut Vec<Suspicion>) -> bool {
     if let Some(dead) = dead(motion, known) {
         found.push(dead);

@@ -8,12 +8,13 @@ use crate::curve::Curve;
 use crate::finding::Suspicion;
 use crate::motion::{Motion, Steering};
 
-/// Curves narrower than this, times the wheelbase, tell nothing of the steering.
+/// Width of the curves, times the wheelbase, below which they show nothing of the steering.
 const CURVE_MIN: f64 = 0.12;
-/// Share of the curve that the angle has to explain before anything is said of it, and before numbers are.
+/// Share of the curve that the angle has to explain before anything is named, and before numbers
+/// are.
 const EXPLAINED: f64 = 0.6;
 const EXPLAINED_WELL: f64 = 0.9;
-/// The vehicle turns within these of what angle and wheelbase say.
+/// Turns of the vehicle, over those by angle and wheelbase, that are accepted.
 const TURNS_OK: std::ops::Range<f64> = 0.85..1.18;
 /// Accepted turns of a vehicle that turned to one side alone: the zero is not known then.
 const TURNS_OK_ONE_SIDED: std::ops::Range<f64> = 0.6..1.7;
@@ -22,14 +23,14 @@ const SIGN_SIGMAS: f64 = 6.0;
 const SIZE_SIGMAS: f64 = 10.0;
 /// Ratio of two residuals, as a logarithm, that rules out the larger one's explanation.
 const BETTER: f64 = 0.05;
-/// An explanation has to leave no more than this times what any leaves.
+/// Largest residual of an accepted explanation, over the smallest of any.
 const AS_GOOD: f64 = 1.3;
-/// Smallest zero that is told, degrees.
+/// Smallest zero that is named, degrees.
 const ZERO_MIN_DEG: f64 = 15.0;
-/// Way before a model, a linkage or a command is told, m.
+/// Way before a model, a linkage or a command is named, m.
 const LONG_WAY_M: f64 = 10.0;
 
-/// Names what is wrong with the steering.
+/// Names a wrong steering.
 pub(super) fn suspicions(
     motion: &Motion,
     known: &Known,
@@ -200,9 +201,9 @@ fn linkage(steering: &Steering) -> Option<Suspicion> {
 
 /// Deviations of a delay that are left out.
 const DELAY_SIGMAS: f64 = 2.5;
-/// Largest deviation of a delay that is told, s.
+/// Largest deviation of a delay that is named, s.
 const DELAY_SIGMA_MAX_S: f64 = 0.06;
-/// A steering that follows by less is an actuator's, s.
+/// Largest delay of a steering that is an actuator's, s.
 const COMMAND_MIN_S: f64 = 0.12;
 const LATE_MIN_S: f64 = 0.1;
 const SPEED_LATE_MIN_S: f64 = 0.05;

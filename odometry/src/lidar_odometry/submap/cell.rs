@@ -12,8 +12,9 @@ pub(super) const CELLS_IN_TILE: usize = (TILE_CELLS * TILE_CELLS) as usize;
 pub(super) const TABLE_TILES: i32 = 256;
 /// Bits of a cell's fraction that are left of a coordinate before it is rounded down: 0.1 mm.
 const FRACTION_BITS: i32 = 10;
-/// Added to a coordinate of up to 4096 cells, single precision has so many bits of a fraction, and numbers
-/// follow each other as their bits do. Beyond, a cell is another's, as the table's are.
+/// Offset that, added to a coordinate of up to 4096 cells, leaves single precision so many bits of
+/// a fraction, with numbers in the order of their bits. Beyond, a cell is another's, as the table's
+/// are.
 const FIXED_POINT: f32 = 12_288.0;
 
 /// A cell of the odometry frame.
@@ -33,8 +34,8 @@ impl Cell {
     }
 }
 
-/// Where single-precision coordinates are measured from: a tile's corner near the LiDAR, so that
-/// they stay exact to micrometres after any distance.
+/// Origin of single-precision coordinates: a tile's corner near the LiDAR, so that they stay exact
+/// to micrometres after any distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LocalOrigin {
     cell: Cell,

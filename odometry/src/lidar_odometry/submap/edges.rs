@@ -8,10 +8,10 @@ use super::cell::{CELL_M, Cell};
 use super::surfel::{Line, LineQuality, Moments, WindowMoments};
 use crate::occupancy_grid::OccupancyGrid;
 
-/// Windows that a line is looked for in, the widest first: so many cells of the grid on each side.
+/// Windows in which a line is looked for, the widest first: so many cells of the grid on each side.
 /// Over a wide one the steps of a slanting wall level out.
 const WINDOWS: [f64; 3] = [6.0, 4.0, 2.0];
-/// Edges belong to one surface when the cosine between their facings is more than this.
+/// Least cosine between the facings of two edges of one surface.
 const FACING_COS: f64 = 0.6;
 
 /// An occupied cell of the grid that touches free ones.
@@ -68,14 +68,14 @@ pub fn edges_of(grid: &OccupancyGrid) -> Edges {
 pub struct LineFitter {
     /// Half the windows, in cells.
     reaches: Vec<i32>,
-    /// So many cells from an edge a cell still gets its line.
+    /// Cells from an edge within which a cell still gets its line.
     pub capture: i32,
     quality: LineQuality,
     variance_m2: f32,
 }
 
 impl LineFitter {
-    /// For a grid of this resolution.
+    /// Prepares the fit for a grid of this resolution.
     pub fn new(resolution_m: f64) -> Self {
         let in_cells = |count: f64| (count * resolution_m / CELL_M).ceil().max(1.0) as i32;
         let mut reaches = WINDOWS.map(in_cells).to_vec();

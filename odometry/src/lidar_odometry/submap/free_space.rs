@@ -9,46 +9,36 @@ const SCALE_SHIFT: i32 = 1;
 const FREE_CELL: f32 = (CELL_M * (1 << SCALE_SHIFT) as f64) as f32;
 /// Edge of the grid, in its cells: ±25 m around the LiDAR.
 const GRID: i32 = 256;
-/// Rays end here, m: beyond, too few pass to tell.
+/// Length at which rays end, m: beyond, too few pass to decide.
 const RAY_MAX_M: f32 = 20.0;
-/// A ray ends this far from the surface it hits, measured across the surface, m.
+/// Distance of a ray's end from the surface that it hits, measured across the surface, m.
 const BEFORE_SURFACE_M: f32 = 0.3;
 /// Least cosine of incidence that this distance is divided by.
 const COS_INCIDENCE_MIN: f32 = 0.05;
-/// One in so many beams marks free space.
+/// Stride of the beams that mark free space.
 pub const RAY_STRIDE: usize = 4;
-/// What returns in a cell add, once in an update; each ray through it takes one.
+/// Evidence that returns in a cell add, once in an update; each ray through it subtracts one.
 const HIT: i8 = 2;
 const EVIDENCE_MAX: i8 = 10;
 const EVIDENCE_MIN: i8 = -40;
-/// A return in a cell at or below this is a moving object's.
+/// Largest evidence of a cell in which a return is a moving object's.
 const FREE: i8 = -5;
-/// What the map holds in a cell that comes down to this is forgotten.
+/// Evidence at which the map's content of a cell is forgotten.
 const FORGET: i8 = -8;
-/// Evidence of a cell that a known map calls free: what stands there takes a while to be a surface.
+/// Evidence of a cell that a known map holds free: an object there becomes a surface only after a
+/// while.
 const KNOWN_FREE: i8 = -15;
 
 /// Evidence for and against a surface, on a grid that rolls along with the LiDAR.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct FreeSpace {
+    /// Empty until the first update: most registered robots of a fleet do not drive.
     evidence: Vec<i8>,
     /// The update (its low byte) in which a cell was hit last.
     hit_in: Vec<u8>,
     update: u8,
     /// Lowest cell of the grid.
     low: Option<Cell>,
-}
-
-impl Default for FreeSpace {
-    fn default() -> Self {
-        let cells = (GRID * GRID) as usize;
-        Self {
-            evidence: vec![0; cells],
-            hit_in: vec![0; cells],
-            update: 0,
-            low: None,
-        }
-    }
 }
 
 impl FreeSpace {
@@ -71,7 +61,7 @@ impl FreeSpace {
         (inside < GRID as u32).then_some(((y & (GRID - 1)) * GRID + (x & (GRID - 1))) as usize)
     }
 
-    /// Whether a return in this cell is a moving object's.
+    /// True if a return in this cell is a moving object's.
     #[inline]
     pub fn was_free(&self, cell: Cell) -> bool {
         self.slot(cell)
@@ -79,10 +69,13 @@ impl FreeSpace {
             .is_some_and(|&e| e <= FREE)
     }
 
-    /// Begins an update: moves the grid so that `centre` lies in its middle part. What comes in is
-    /// as free as the known map says.
+    /// Begins an update: moves the grid so that `centre` lies in its middle part. Cells that enter
+    /// are as free as in the known map.
     pub fn begin_update(&mut self, centre: Cell, known: Option<&KnownMap>) {
         self.update = self.update.wrapping_add(1);
+        let cells = (GRID * GRID) as usize;
+        self.evidence.resize(cells, 0);
+        self.hit_in.resize(cells, 0);
         let wanted = Cell {
             x: (centre.x >> SCALE_SHIFT) - GRID / 2,
             y: (centre.y >> SCALE_SHIFT) - GRID / 2,
@@ -116,7 +109,7 @@ impl FreeSpace {
         self.enter(all_x, entering(dy, low.y, wanted.y), known);
     }
 
-    /// Cells come into the grid.
+    /// Sets the evidence of cells that enter the grid.
     fn enter(&mut self, columns: Range<i32>, rows: Range<i32>, known: Option<&KnownMap>) {
         for y in rows {
             for x in columns.clone() {
@@ -129,7 +122,7 @@ impl FreeSpace {
         }
     }
 
-    /// A return lies in this cell.
+    /// Adds a return in this cell.
     #[inline]
     pub fn hit(&mut self, cell: Cell) {
         let Some(slot) = self.slot(cell) else { return };
@@ -141,8 +134,8 @@ impl FreeSpace {
         }
     }
 
-    /// A beam went from `from` to `to` (from `origin`, m) and met the surface there at an incidence
-    /// of this cosine; forgets what `submap` held on its way.
+    /// Adds a beam from `from` to `to` (from `origin`, m) that met the surface there at an
+    /// incidence of this cosine; forgets what `submap` held on its way.
     pub fn pass(
         &mut self,
         origin: LocalOrigin,

@@ -9,7 +9,8 @@ use super::edges::{Edges, LineFitter, cell_at, centre_m, edges_of};
 use super::surfel::Line;
 use crate::occupancy_grid::{Occupancy, OccupancyGrid};
 
-/// Space this near to something occupied is not called free, in cells: a wall's returns scatter.
+/// Distance from anything occupied within which space does not count as free, in cells: a wall's
+/// returns scatter.
 const FREE_MARGIN: i32 = 3;
 
 /// The map as scans are aligned with it: tiles of 10 cm cells over the whole grid.
@@ -23,7 +24,7 @@ pub struct KnownMap {
     lines: Vec<[Line; CELLS_IN_TILE]>,
 }
 
-/// One bit a cell, and where the lines are.
+/// One bit a cell, and the places of the lines.
 #[derive(Debug, Clone, Copy, Default)]
 struct Tile {
     occupied: u64,
@@ -162,7 +163,7 @@ impl KnownMap {
         }
     }
 
-    /// Whether the map has nothing in a cell and near it.
+    /// True if the map has nothing in a cell and near it.
     #[inline]
     pub fn is_free(&self, cell: Cell) -> bool {
         self.tile(cell)

@@ -24,7 +24,7 @@ pub use surfel::{Fitted, Line, LineQuality, Moments, WindowMoments};
 use cell::CELL;
 use tiles::{Neighbours, TilePool};
 
-/// A window of cells with fewer points is looked at more widely.
+/// Fewest points of a window of cells; of fewer, a wider window is used.
 const SPARSE_POINTS: f32 = 8.0;
 
 /// Edge of the window of cells that a line is laid through,
@@ -44,7 +44,7 @@ pub struct Submap {
     updates: u32,
     to_fit: Vec<Cell>,
     quality: LineQuality,
-    /// Of a cell on its own.
+    /// Quality that a line of one cell alone needs.
     quality_alone: LineQuality,
 }
 
@@ -77,7 +77,7 @@ impl Default for Submap {
 }
 
 impl Submap {
-    /// A map in which nothing was seen yet but what is known.
+    /// Begins a map that holds only the known one.
     pub fn knowing(known: Arc<KnownMap>) -> Self {
         Self {
             known: Some(known),
@@ -85,13 +85,13 @@ impl Submap {
         }
     }
 
-    /// Forgets all that was seen; what is known stays.
+    /// Forgets everything that was seen; the known map stays.
     pub fn clear(&mut self) {
         self.tiles.clear();
         self.updates = 0;
     }
 
-    /// What was known before, where a map was given.
+    /// Known map, where one was given.
     pub fn known(&self) -> Option<&KnownMap> {
         self.known.as_deref()
     }
@@ -118,7 +118,7 @@ impl Submap {
         self.tiles.line(cell)
     }
 
-    /// Begins a map update made with the LiDAR at `centre`: far tiles go.
+    /// Begins a map update made with the LiDAR at `centre`: drops far tiles.
     pub fn begin_update(&mut self, centre: Cell, range_noise_m: f32) {
         self.updates += 1;
         // A line may look as thick as the noise makes it, and no thicker than clutter.
@@ -135,7 +135,7 @@ impl Submap {
         self.tiles.drop_far(centre);
     }
 
-    /// Adds a point given from `origin` and seen in a direction, unless it lies on what is known.
+    /// Adds a point given from `origin` and seen in a direction, unless it lies on the known map.
     pub fn insert(
         &mut self,
         origin: LocalOrigin,
@@ -185,7 +185,7 @@ impl Submap {
         self.tiles.set_line(cell, line);
     }
 
-    /// Forgets what was seen in a cell: a beam went through it.
+    /// Forgets the points of a cell: a beam went through it.
     pub fn forget(&mut self, cell: Cell) {
         if let Some(moments) = self.tiles.moments_mut(cell)
             && moments.n > 0.0
@@ -220,8 +220,8 @@ impl Submap {
     /// The line through a window less the side on which another surface begins, where there is one:
     /// without it the points scatter less across their line, and more so than by chance.
     ///
-    /// Corners of boxes stick out, so that lines laid around them lie too far back, and a scan held
-    /// against those looks too small. A rolling scan takes that for a motion to its side: its
+    /// Corners of boxes stick out, so that lines laid around them lie too far back, and a scan
+    /// compared with those looks too small. A rolling scan shows that as a motion to its side: its
     /// turns came out displaced by 0.4 mm a radian.
     fn without_corner(&self, near: &Neighbours<'_, NEAR>, whole: &Fitted) -> Option<Line> {
         if whole.across_m2 < self.quality.noise_m2 {

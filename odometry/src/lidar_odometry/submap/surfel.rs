@@ -19,7 +19,7 @@ pub struct Moments {
     pub n_at_fit: f32,
     /// The map update that added the last point.
     pub last_update: u16,
-    /// In how many map updates it got points, saturating.
+    /// Number of map updates that added points, saturating.
     pub sightings: u16,
     /// The map update that fitted the line last.
     pub last_fit: u32,
@@ -30,7 +30,7 @@ pub struct Moments {
 /// A direction's unit: 16 bits are enough for a mean, and the map stays small.
 const DIRECTION_ONE: f32 = 32_000.0;
 
-/// Beyond this many points in a cell the old ones fade.
+/// Number of points in a cell beyond which the old ones fade.
 pub const POINTS_IN_CELL_MAX: f32 = 400.0;
 
 impl Moments {
@@ -197,13 +197,13 @@ impl Fitted {
     }
 }
 
-/// So many of its standard deviations may a variance that was counted differ from the true one.
+/// Standard deviations by which a counted variance may differ from the true one.
 const ACROSS_SIGMAS: f32 = 3.0;
 
-/// Added to a line's variance until it was seen often enough, m²: (4 cm)².
+/// Variance added to a line's until it was seen often enough, m²: (4 cm)².
 const UNCONFIRMED_M2: f32 = 1.6e-3;
 
-/// What makes a window of points a line.
+/// Conditions under which a window of points makes a line.
 #[derive(Debug, Clone, Copy)]
 pub struct LineQuality {
     /// Fewest points.
@@ -216,9 +216,9 @@ pub struct LineQuality {
     pub ratio_max: f32,
     /// Variance that range noise alone may give them, m²: with less, they are on one surface.
     pub noise_m2: f32,
-    /// The points' noise is taken to be at least this, m².
+    /// Least noise of the points that is assumed, m².
     pub noise_floor_m2: f32,
-    /// In how many map updates it must have been seen to count in full.
+    /// Fewest map updates that must have seen it for it to count in full.
     pub sightings_min: u16,
 }
 
@@ -233,13 +233,13 @@ pub struct Line {
     pub d: f32,
     /// Variance of `d`, m²; negative where there is no line.
     pub variance: f32,
-    /// Mean cosine of the incidence that its points were seen under, signed by the normal; 0 where
+    /// Mean cosine of the incidence under which its points were seen, signed by the normal; 0 where
     /// no beam drew it.
     pub cos: f32,
 }
 
 impl Line {
-    /// No line in this cell.
+    /// Absence of a line in a cell.
     pub const NONE: Self = Self {
         nx: 0.0,
         ny: 0.0,
@@ -248,7 +248,7 @@ impl Line {
         cos: 0.0,
     };
 
-    /// Whether there is a line.
+    /// True if there is a line.
     pub fn exists(&self) -> bool {
         self.variance >= 0.0
     }

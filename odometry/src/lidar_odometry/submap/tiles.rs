@@ -9,9 +9,9 @@ use super::surfel::{Line, Moments};
 
 /// Most tiles: 64 cells of 60 bytes each, 3.3 MiB in all.
 pub const TILES_MAX: usize = 900;
-/// Tiles that room is made for at first.
+/// Tiles that memory is reserved for at first.
 const TILES_AT_START: usize = 64;
-/// Tiles farther from the LiDAR are dropped, in tiles (80 m).
+/// Largest distance of a tile from the LiDAR, in tiles (80 m); farther ones are dropped.
 const TILE_DISTANCE_MAX: i32 = 100;
 
 /// The points of a square of cells, row by row, where they have any.
@@ -25,24 +25,13 @@ struct TileHeader {
 }
 
 /// Tiles of 8 × 8 cells, each cell with its points and its line.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct TilePool {
-    /// Tile number plus one at (y mod 256, x mod 256); 0: none.
+    /// Tile number plus one at (y mod 256, x mod 256); 0: none. Empty until the first tile.
     table: Vec<u16>,
     headers: Vec<TileHeader>,
     lines: Vec<[Line; CELLS_IN_TILE]>,
     moments: Vec<[Moments; CELLS_IN_TILE]>,
-}
-
-impl Default for TilePool {
-    fn default() -> Self {
-        Self {
-            table: vec![0; (TABLE_TILES * TABLE_TILES) as usize],
-            headers: Vec::new(),
-            lines: Vec::new(),
-            moments: Vec::new(),
-        }
-    }
 }
 
 fn table_index(tile_x: i32, tile_y: i32) -> usize {
@@ -125,14 +114,14 @@ impl TilePool {
         around
     }
 
-    /// What a cell holds, where it has a tile.
+    /// Points of a cell, where it has a tile.
     #[inline]
     pub fn moments_mut(&mut self, cell: Cell) -> Option<&mut Moments> {
         let tile = self.tile_of(cell)?;
         self.moments.get_mut(tile)?.get_mut(cell.slot())
     }
 
-    /// What a cell holds, in a new tile if need be; the update is noted on the tile.
+    /// Points of a cell, in a new tile if need be; the update is noted on the tile.
     #[inline]
     pub fn moments_or_new(&mut self, cell: Cell, update: u32) -> Option<&mut Moments> {
         let tile = self.tile_or_new(cell, update)?;
@@ -155,6 +144,7 @@ impl TilePool {
                 .min_by_key(|&tile| self.headers.get(tile).map_or(0, |h| h.last_update))?;
             self.drop_tile(oldest);
         }
+        self.table.resize((TABLE_TILES * TABLE_TILES) as usize, 0);
         if self.headers.len() == self.headers.capacity() {
             // Never more than the pool may hold: doubling would.
             let more = self.headers.len().max(TILES_AT_START);

@@ -1,4 +1,4 @@
-//! From a document that passed every check to values in use, and the way back.
+//! Application of a document that passed every check, and the way back.
 
 use std::time::Duration;
 

@@ -3,6 +3,7 @@
 mod access;
 mod alerts;
 mod approval;
+mod checks;
 mod cluster;
 mod description;
 mod export;

@@ -113,39 +113,9 @@ async fn a_robot_that_has_sent_something_is_told_what_to_drive_next() {
     assert_snapshot!(told("?floor=3").await, @"400 query_refused [floor]: the query: unknown field `floor`, expected `length_m` or `width_m`");
 }
 
-#[tokio::test]
-async fn the_joining_checks_of_a_robot_are_those_of_what_it_sends() {
-    let bench = bench(&["a"]).await;
-    let path = "/api/v1/robots/a/checks";
-    let before = bench.get(path).await.json();
-    assert_eq!(
-        (&before["streams"], &before["findings"]),
-        (&json!([]), &json!([]))
-    );
-    straight_on(&bench, 0);
-    while bench.fleet.robot(&robot("a")).unwrap().counters.processed < 2 {
-        tokio::time::sleep(Duration::from_millis(1)).await;
-    }
-    let checks = bench.get(path).await.json();
-    assert_eq!(checks["robot"], "a");
-    let stream = &checks["streams"][0];
-    assert_eq!(
-        (&stream["messages"], &stream["left_out"]),
-        (&json!(1), &json!([]))
-    );
-    let finding = &checks["findings"][0];
-    assert_eq!(
-        (&finding["check"], &finding["state"]),
-        (&json!("streams"), &json!("not_yet"))
-    );
-    assert_eq!(finding["spoils_values"], false);
-    let told = bench.get("/api/v1/robots/nobody/checks").await.told();
-    assert!(told.starts_with("404 "), "{told}");
-}
-
 /// Sends a pose of the LiDAR and a drive sample, `step` steps of 20 ms after the begin, on a
 /// straight path.
-fn straight_on(bench: &Bench, step: u32) {
+pub(super) fn straight_on(bench: &Bench, step: u32) {
     let stamp = json!({"sec": 1_760_000_000 + step / 50, "nanosec": step % 50 * 20_000_000});
     let header = json!({"stamp": stamp, "frame_id": "odom"});
     let drive = json!({

@@ -30,7 +30,7 @@ impl Grant {
     /// Grant of a token.
     ///
     /// # Errors
-    /// When the role requires a robot that is missing, or excludes the given one.
+    /// Returns an error when the role requires a robot that is missing, or excludes the given one.
     pub fn of_token(role: Role, robot: Option<RobotId>) -> Result<Self, GrantRefused> {
         match (role, &robot) {
             (Role::Robot, None) => Err(GrantRefused::RobotMissing),
@@ -42,7 +42,7 @@ impl Grant {
     /// Grant of a person.
     ///
     /// # Errors
-    /// When the role is a robot's.
+    /// Returns an error when the role is a robot's.
     pub fn of_person(role: Role) -> Result<Self, GrantRefused> {
         match role {
             Role::Robot => Err(GrantRefused::NoPerson),

@@ -49,6 +49,8 @@ pub enum AlertKind {
     Fault,
     /// Significantly wrong values in use that were never approved from an estimate.
     Uncalibrated,
+    /// Instances of the cluster that do not receive each other.
+    RoutersCut,
     /// Different configurations of the cluster's instances.
     ConfigurationsDiffer,
     /// Clock of an instance that differs from the database's.
@@ -57,7 +59,7 @@ pub enum AlertKind {
 
 impl AlertKind {
     /// Every kind.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::RollbackFailed,
         Self::Drift,
         Self::VerificationFailed,
@@ -71,6 +73,7 @@ impl AlertKind {
         Self::NoData,
         Self::Fault,
         Self::Uncalibrated,
+        Self::RoutersCut,
         Self::ConfigurationsDiffer,
         Self::ClockOff,
     ];
@@ -90,6 +93,15 @@ impl AlertKind {
         Self::Fault,
         Self::Uncalibrated,
     ];
+
+    /// True if the rule reads the records alone, which every instance has, and nothing that arrives
+    /// live.
+    pub const fn reads_records_alone(self) -> bool {
+        matches!(
+            self,
+            Self::RollbackFailed | Self::FalseReport | Self::NotApplied | Self::OutOfSync
+        )
+    }
 
     /// The name in documents and in the database.
     pub fn as_str(self) -> &'static str {
@@ -111,7 +123,8 @@ impl AlertKind {
             | Self::FormerKey
             | Self::FalseReport
             | Self::EstimatorFailed
-            | Self::NoInstance => Severity::Error,
+            | Self::NoInstance
+            | Self::RoutersCut => Severity::Error,
             Self::NotApplied
             | Self::OutOfSync
             | Self::NoData
@@ -179,6 +192,10 @@ impl AlertKind {
             Self::Uncalibrated => {
                 "Decide on the robot's proposal once there is one, or propose the present estimate. \
                  Acknowledge it where the values in use are meant to stay."
+            }
+            Self::RoutersCut => {
+                "Mend the connection between the routers. Meanwhile each robot is estimated by an \
+                 instance that receives it; no other one shows its live data."
             }
             Self::ConfigurationsDiffer => {
                 "Give all instances the same fleetcal.toml but for name and addresses, and start \

@@ -57,6 +57,7 @@ impl AlertPolicy {
             | AlertKind::Uncalibrated
             | AlertKind::OutOfSync
             | AlertKind::NoData
+            | AlertKind::RoutersCut
             | AlertKind::ConfigurationsDiffer
             | AlertKind::ClockOff => of_data,
             // It is told once, when it has happened.

@@ -183,7 +183,7 @@ impl Alert {
             ConditionName::Alerting | ConditionName::Recovering | ConditionName::NoData => {
                 // The place stands in rows: kinds that came later share one with others.
                 let kind = match self.kind {
-                    AlertKind::NoInstance => AlertKind::EstimatorFailed,
+                    AlertKind::NoInstance | AlertKind::RoutersCut => AlertKind::EstimatorFailed,
                     AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => AlertKind::Fault,
                     kind => kind,
                 };

@@ -30,6 +30,8 @@ pub struct Situation<'a> {
     pub watched_since_ns: WallTime,
     /// The robot.
     pub view: &'a RobotView,
+    /// True if what the robot's instance publishes arrives here; otherwise the view is old.
+    pub in_sight: bool,
     /// Records of the robot.
     pub ledger: &'a RobotLedger,
     /// Newest deployment, under way or not.
@@ -94,6 +96,8 @@ pub fn sightings(situation: &Situation<'_>) -> [Sighting; AlertKind::OF_ROBOT.le
         let off = situation.policy.off.contains(&kind) || situation.view.config.is_none();
         let seen = if off {
             Seen::Clear
+        } else if !situation.in_sight && !kind.reads_records_alone() {
+            Seen::Unknown
         } else {
             look(kind, situation)
         };
@@ -122,9 +126,10 @@ fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
         AlertKind::NoData => no_data(situation),
         AlertKind::Fault => fault(situation),
         // The rows of the cluster say these.
-        AlertKind::NoInstance | AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => {
-            Seen::Unknown
-        }
+        AlertKind::NoInstance
+        | AlertKind::RoutersCut
+        | AlertKind::ConfigurationsDiffer
+        | AlertKind::ClockOff => Seen::Unknown,
     }
 }
 

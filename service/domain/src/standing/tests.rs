@@ -216,6 +216,7 @@ fn every_alert_is_a_way_to_stand() {
         // What is wrong with instances is no state of a robot.
         S::Calibrated,
         S::Calibrated,
+        S::Calibrated,
     ];
     assert_eq!(found, expected);
     for condition in [

@@ -2,59 +2,21 @@
 
 use std::sync::atomic::Ordering;
 
-use fleetcal_checks::Watch;
 use fleetcal_domain::limits::CHECKS_SHOWN_EVERY_S;
-use fleetcal_domain::robot::{CheckFinding, ChecksReport, RobotConfig, Warning};
+use fleetcal_domain::robot::{ChecksReport, Warning};
 use fleetcal_estimator::Dropped;
-use fleetcal_estimator::lidar_odometry::{BeamTimes, OdometryPose};
-use fleetcal_model::{Stream, WallTime};
+use fleetcal_estimator::lidar_odometry::BeamTimes;
+use fleetcal_model::Stream;
 use fleetcal_proto::estimate::EstimateDocument;
 
+use super::live_checks::LiveChecks;
 use super::{Engine, RobotTask};
 use crate::decode::MessageRefused;
 use crate::document;
 use crate::intake::Taken;
-use crate::joining::{JoiningChecks, leave_out};
+use crate::joining::leave_out;
 use crate::left_out::LeftOutReason;
 use crate::mailbox::Message;
-
-/// Joining checks of a robot that sends.
-#[derive(Debug)]
-pub(super) struct LiveChecks {
-    joining: JoiningChecks<Watch>,
-    /// Messages that were not used, by stream and reason.
-    left_out: [[u64; LeftOutReason::COUNT]; Stream::COUNT],
-    /// Stream of the message in hand.
-    stream: Stream,
-    /// Speeds without an angle so far.
-    unpaired: u64,
-    shown_ns: WallTime,
-}
-
-impl LiveChecks {
-    /// Makes the checks of a robot, with the findings before.
-    pub(super) fn new(config: &RobotConfig, findings: &[CheckFinding]) -> Self {
-        Self {
-            joining: JoiningChecks::of_robot(config, findings),
-            left_out: Default::default(),
-            stream: Stream::WheelOdometry,
-            unpaired: 0,
-            shown_ns: WallTime(0),
-        }
-    }
-
-    /// Takes the pose that LiDAR odometry gives a scan.
-    pub(super) fn take_odometry(&mut self, pose: &OdometryPose) {
-        self.joining.take_odometry(pose);
-    }
-
-    fn count(&mut self, stream: Stream, reason: LeftOutReason, messages: u64) {
-        let of_stream = self.left_out.get_mut(stream.index());
-        if let Some(count) = of_stream.and_then(|counts| counts.get_mut(reason as usize)) {
-            *count += messages;
-        }
-    }
-}
 
 impl RobotTask {
     /// Takes a message to the checks: what it says, and what it came to.

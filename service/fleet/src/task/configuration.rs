@@ -7,7 +7,7 @@ use fleetcal_model::Version;
 use fleetcal_proto::estimate::EstimateDocument;
 
 use super::RobotTask;
-use super::checks::LiveChecks;
+use super::live_checks::LiveChecks;
 use crate::intake::Intake;
 use crate::reading::ReadingSettings;
 

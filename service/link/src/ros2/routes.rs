@@ -1,4 +1,4 @@
-//! Whose stream a ROS 2 key is, and which keys to subscribe to. Pure.
+//! Routes of ROS 2 keys: the stream of each, and the keys to subscribe to. Pure.
 
 use std::collections::{BTreeMap, BTreeSet};
 

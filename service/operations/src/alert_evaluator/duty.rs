@@ -148,9 +148,7 @@ impl AlertEvaluator {
         let mut set_up = 0;
         let out_of_sight = cluster.map(|cluster| out_of_sight(cluster));
         let out_of_sight = out_of_sight.unwrap_or_default();
-        let mut robots = self.inner.fleet.robots();
-        robots.retain(|view| !out_of_sight.contains(&view.id));
-        for view in robots {
+        for view in self.inner.fleet.robots() {
             set_up += usize::from(view.config.is_some());
             let ledger = self.inner.lifecycle.ledger(&view.id);
             let latest = self.latest(memory, &view.id, &ledger).await?;
@@ -158,6 +156,7 @@ impl AlertEvaluator {
                 now,
                 watched_since_ns: self.inner.since_ns,
                 view: &view,
+                in_sight: !out_of_sight.contains(&view.id),
                 ledger: &ledger,
                 latest: latest.as_ref(),
                 fault: memory.faults.get(&view.id).copied(),

@@ -13,8 +13,8 @@ use super::lines::Lines;
 /// Length of a drive, s.
 const LENGTH_S: f64 = 150.0;
 
-/// The robot of a drive, its incident, and what both are called. The numbers of choices have few factors in
-/// common, so that further drives combine them in other ways.
+/// The robot of a drive, its incident, and the name of both. The numbers of choices have few
+/// factors in common, so that further drives combine them in other ways.
 fn staged(index: u64) -> (String, Robot, Incident) {
     let turn = index as usize;
     let flaws = Flaw::all();
@@ -45,7 +45,7 @@ fn staged(index: u64) -> (String, Robot, Incident) {
     (name, robot, incident)
 }
 
-/// Makes some vehicles tricycles, and frees or fixes what is not estimated by default on some.
+/// Makes some vehicles tricycles, and frees or fixes other parameters than by default on some.
 fn configure(robot: &mut Robot, turn: usize) {
     let wheelbase_m = robot.calibrator.vehicle.wheelbase_m;
     if turn % 5 == 4 {
@@ -63,7 +63,7 @@ fn configure(robot: &mut Robot, turn: usize) {
     }
 }
 
-/// Drives one; its name, and the lines of what was published.
+/// Drives one; returns its name, and the lines of what was published.
 pub fn drive(index: u64) -> Result<(String, String), Failure> {
     let (name, robot, incident) = staged(index);
     let start_ns = robot.simulation.start_stamp_ns;

@@ -1,4 +1,5 @@
-//! Incidents in the middle of a drive: a restart, a note, a change, a fault, or messages that come otherwise.
+//! Incidents in the middle of a drive: a restart, a note, a change, a fault, or messages that
+//! arrive otherwise.
 
 use fleetcal_estimator::{Event, Note, NoteKind, RobotTime};
 use fleetcal_evaluation::drive::{Robot, event_of};
@@ -9,19 +10,19 @@ use fleetcal_robot::simulator::{
 use super::Failure;
 use super::lines::Lines;
 
-/// When it happens, and when one that ends is over, s.
+/// Time of an incident, and of the end of one that is over, s.
 const AT_S: f64 = 75.0;
 const OVER_S: f64 = 90.0;
-/// Silence after which a robot is a new session's, and by how much a clock jumps back, s.
+/// Silence after which a new session begins, and jump of a clock back, s.
 const SILENCE_S: i64 = 900;
 const BACK_S: i64 = 30;
 
-/// What happens on a drive.
+/// Incident on a drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Incident {
-    /// Nothing.
+    /// No incident.
     Nothing,
-    /// The estimator ends and goes on from its checkpoint.
+    /// The estimator ends and continues from its checkpoint.
     Restarted,
     /// A note of a power cycle.
     PowerCycled,
@@ -68,7 +69,7 @@ pub const INCIDENTS: [Incident; 14] = [
 ];
 
 impl Incident {
-    /// Schedules what happens to the vehicle.
+    /// Schedules the change of the vehicle.
     pub fn prepare(self, robot: &mut Robot) {
         let change = match self {
             Self::SteeringMoved => Change::SteeringOffset(0.5f64.to_radians()),
@@ -81,7 +82,7 @@ impl Incident {
         robot.simulation.changes = vec![ScheduledChange { at_s, change }];
     }
 
-    /// From when on the estimator takes messages, s.
+    /// Time from which the estimator receives messages, s.
     fn heard_from_s(self) -> f64 {
         if self == Self::BegunInMotion {
             20.0
@@ -103,7 +104,7 @@ pub struct Staged {
 }
 
 impl Staged {
-    /// One that has not happened yet.
+    /// An incident that has not happened yet.
     pub fn of(incident: Incident) -> Self {
         Self {
             incident,
@@ -114,7 +115,7 @@ impl Staged {
         }
     }
 
-    /// Takes a message of the robot to the estimator as the incident leaves it.
+    /// Passes a message of the robot to the estimator as the incident leaves it.
     pub fn take(
         &mut self,
         time_s: f64,

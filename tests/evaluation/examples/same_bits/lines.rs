@@ -11,8 +11,8 @@ use fleetcal_estimator::{
 
 use super::Failure;
 
-/// An estimator, and what it has published so far: each effect and pose under its number, so that one more is
-/// a difference as one less is.
+/// An estimator, and its publications so far: each effect and pose under its number, so that one
+/// more is a difference as one less is.
 #[derive(Debug)]
 pub struct Lines {
     calibrator: Calibrator,
@@ -22,7 +22,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Of an estimator at its start.
+    /// Begins with an estimator at its start.
     pub fn of(calibrator: Calibrator) -> Self {
         Self {
             calibrator,
@@ -32,7 +32,7 @@ impl Lines {
         }
     }
 
-    /// Takes an event to the estimator.
+    /// Passes an event to the estimator.
     pub fn step(&mut self, event: Event) {
         for effect in self.calibrator.step(event) {
             if matches!(effect, Effect::LidarMoved(_)) {
@@ -54,7 +54,7 @@ impl Lines {
         self.pose = pose;
     }
 
-    /// Ends the estimator, and goes on with one from its written checkpoint.
+    /// Ends the estimator, and continues with one from its written checkpoint.
     pub fn restart(&mut self) -> Result<(), Failure> {
         let written = serde_json::to_string(&self.calibrator.checkpoint())?;
         let checkpoint: Checkpoint = serde_json::from_str(&written)?;
@@ -63,7 +63,7 @@ impl Lines {
         Ok(())
     }
 
-    /// Ends the session: all lines, with what is asked for at the end.
+    /// Ends the session; returns all lines, with the estimator's state at the end.
     pub fn end(mut self) -> String {
         self.step(Event::EndOfSession);
         let estimate = self.calibrator.estimate();

@@ -18,10 +18,10 @@ use std::{env, fs};
 
 use rayon::prelude::*;
 
-/// Simulated drives unless told otherwise: each imperfection once.
+/// Simulated drives unless a number is given: each imperfection once.
 const DRIVES: u64 = 49;
 
-/// Any reason why a drive has no lines.
+/// Reason why a drive has no lines.
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 fn main() -> ExitCode {

@@ -37,7 +37,7 @@ pub struct Drive {
     vehicle: Option<(VehicleModel, f64)>,
 }
 
-/// Those of a folder.
+/// Recordings of a folder.
 pub fn of(data: &Path) -> impl Iterator<Item = Drive> + Send + use<> {
     let data = data.to_owned();
     RECORDINGS.into_iter().map(move |(name, vehicle)| Drive {
@@ -53,7 +53,7 @@ impl Drive {
         self.name
     }
 
-    /// The lines of what is published over it: a calibration where it has wheel odometry, else the poses of
+    /// The lines of its publications: a calibration where it has wheel odometry, else the poses of
     /// the LiDAR odometry.
     pub fn drive(&self) -> Result<String, Failure> {
         let recording = Recording::open(&self.path)?;

@@ -1,4 +1,5 @@
-//! That of two tenures of a robot the later one has the higher epoch, whatever happens to servers.
+//! Epochs of tenures: of two tenures of a robot the later one has the higher epoch, whatever
+//! happens to servers.
 
 use fleetcal_model::RobotId;
 

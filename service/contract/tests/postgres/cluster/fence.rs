@@ -1,4 +1,4 @@
-//! That nothing of an ended tenure is committed behind its end.
+//! Fence of a tenure: nothing of an ended one is committed behind its end.
 
 use std::time::Duration;
 

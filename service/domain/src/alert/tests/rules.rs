@@ -14,6 +14,7 @@ struct Case {
     fault: Option<(WallTime, &'static str)>,
     policy: AlertPolicy,
     watched_since_s: i64,
+    in_sight: bool,
 }
 
 fn case() -> Case {
@@ -24,6 +25,7 @@ fn case() -> Case {
         fault: None,
         policy: AlertPolicy::default(),
         watched_since_s: 0,
+        in_sight: true,
     }
 }
 
@@ -33,6 +35,7 @@ impl Case {
             now: at(110),
             watched_since_ns: at(self.watched_since_s),
             view: &self.view,
+            in_sight: self.in_sight,
             ledger: &self.ledger,
             latest: self.latest.as_ref(),
             fault: self.fault,
@@ -333,6 +336,20 @@ fn a_robot_that_uses_another_generation_is_out_of_sync_unless_one_is_on_its_way(
     assert_eq!(what, "the robot should use generation 2 and uses 1");
     apart.ledger.live = Some(deployment(DeploymentState::Offered));
     assert!(apart.firing().is_empty());
+}
+
+#[test]
+fn of_a_robot_out_of_sight_the_records_alone_are_judged() {
+    let mut cut = case();
+    cut.fault = Some((at(109), "steering"));
+    cut.ledger.shadow.desired = Some(deployment(DeploymentState::Verified).offer);
+    cut.ledger.shadow.in_use = Some(in_use(Generation(1), 0.0));
+    assert_eq!(cut.firing(), [AlertKind::OutOfSync, AlertKind::Fault]);
+    cut.in_sight = false;
+    assert_eq!(cut.firing(), [AlertKind::OutOfSync]);
+    for kind in [AlertKind::Fault, AlertKind::NoData] {
+        assert_eq!(cut.sight(kind).0, Observation::Unknown);
+    }
 }
 
 #[test]
