@@ -39,7 +39,7 @@ build: dashboard rust ## Builds the dashboard and the binary
 .PHONY: dashboard
 dashboard: web/dist/index.html ## Builds the dashboard's pages
 
-web/dist/index.html: web/node_modules/.package-lock.json $(shell find web/src web/public web/index.html web/vite.config.ts -type f 2>/dev/null)
+web/dist/index.html: web/node_modules/.package-lock.json docs/glossary.md $(shell find web/src web/public web/index.html web/vite.config.ts -type f 2>/dev/null)
 	cd web && npm run build --silent
 	@touch $@
 
@@ -444,6 +444,7 @@ hardening-store: build-for-tests strace ## Each N-th write and sync of the datab
 	@mkdir -p $(HARDENING)
 	FLEETCAL_BIN=$(abspath $(BIN)) FAULTS_PROGRESS=$(HARDENING)/store.seeds \
 	  $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture --ignored durability::campaign::
+	POWER_IMAGES=2000 $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture durability::power::
 	FLEETCAL_BIN=$(abspath $(BIN)) HANGS_FOR_S=30 \
 	  $(CARGO) test --release --locked --workspace --test end_to_end -- --nocapture durability::hanging::
 	FLEETCAL_BIN=$(abspath $(BIN)) \

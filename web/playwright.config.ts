@@ -14,12 +14,21 @@ export const chromium = {
   ],
 };
 
+/** Tests that measure times. */
+const MEASURED = 'large.spec.ts';
+
 export default defineConfig({
   testDir: 'e2e',
   testMatch: '*.spec.ts',
-  workers: Number(process.env.FLEETCAL_BROWSERS ?? 1),
-  // Each worker starts one browser and one demo: it takes a while until its robots are calibrated.
+  // Tests wait for robots more than they compute. Each worker has a browser and a service of its own;
+  // a file's tests share them, in their order.
+  workers: Number(process.env.FLEETCAL_BROWSERS ?? 3),
   fullyParallel: false,
+  projects: [
+    { name: 'pages', testIgnore: MEASURED },
+    // Has the machine to itself.
+    { name: 'measured', testMatch: MEASURED, dependencies: ['pages'] },
+  ],
   // Robots drive and decide while a test looks: what fails is run once more, on a service of its
   // own, and the list names it as flaky.
   retries: 1,

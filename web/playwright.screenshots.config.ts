@@ -4,6 +4,6 @@ import base from './playwright.config';
 /** Makes the pictures of the documentation from a running demo. */
 export default defineConfig({
   ...base,
-  testMatch: 'screenshots.ts',
+  projects: [{ name: 'screenshots', testMatch: 'screenshots.ts' }],
   timeout: 300_000,
 });

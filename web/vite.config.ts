@@ -16,6 +16,8 @@ export default defineConfig({
     license: { fileName: 'licenses.md' },
   },
   server: {
+    // The glossary is that of the documentation.
+    fs: { allow: ['..'] },
     proxy: { '/api': service, '/healthz': service, '/readyz': service, '/metrics': service },
   },
   test: {

@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 
 use fleetcal_model::{CalibrationCovariance, Generation, Pose2, RevisionId, RobotId, RobotTime};
 
-/// A signed calibration document.
+/// A signed document: a calibration, or another text that the service signs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Envelope {
-    /// The [`CalibrationDocument`] in JSON, byte for byte in its hashed and signed form.
+    /// The document in JSON, byte for byte in its hashed and signed form.
     pub document: String,
     /// SHA-256 of the document's bytes, lower-case hexadecimal.
     pub sha256: String,

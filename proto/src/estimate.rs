@@ -6,10 +6,12 @@
 use std::collections::BTreeMap;
 
 use fleetcal_model::{
-    CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, Parameter,
+    CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, Motions, Parameter,
     ParameterStatus, Pose2, RobotId, RobotTime, SigmaTerm, Unit, VehicleModel,
 };
 use serde::{Deserialize, Serialize};
+
+use crate::description::DescriptionDocument;
 
 /// Estimate of one parameter: `P` of the documents.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -127,6 +129,10 @@ pub struct EstimateDocument {
     pub consistency: Consistency,
     /// Numbers of messages so far.
     pub counts: Counts,
+    /// Distance in each kind of motion that the estimate rests on; absent in documents of older
+    /// services.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motions: Option<Motions>,
     /// The LiDAR's pose in the vehicle's `base_link`, where that frame is configured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lidar_in_base_link: Option<Pose2>,
@@ -210,6 +216,10 @@ pub struct CalibrationReport {
     pub robot: RobotId,
     /// The vehicle.
     pub vehicle: VehicleDocument,
+    /// Configuration that the robot's own description implies; absent without a description.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
+    pub description: Option<DescriptionDocument>,
     /// Length of the recording, s.
     pub duration_s: f64,
     /// Distance driven, m.
@@ -289,6 +299,7 @@ mod tests {
                 model: VehicleModel::Bicycle,
                 wheelbase_m: 1.2,
             },
+            description: Some(DescriptionDocument::default()),
             duration_s: 1.0,
             distance_m: 2.0,
             drive_samples: 3,
@@ -322,6 +333,7 @@ mod tests {
             [
                 "consistency",
                 "covariance",
+                "description",
                 "detection",
                 "distance_m",
                 "drive_samples",
@@ -345,10 +357,7 @@ mod tests {
         assert_eq!(json["events"][0]["change"]["lidar_x"], 0.02);
         assert_eq!(json["parameters"]["speed_scale"]["unit"], "1");
         assert_eq!(json["parameters"]["lidar_yaw"]["status"], "learning");
-        assert_eq!(
-            json["parameters"]["lidar_yaw"]["needs"],
-            serde_json::Value::Null
-        );
+        assert!(json["parameters"]["lidar_yaw"]["needs"].is_null());
         assert_eq!(
             serde_json::from_value::<CalibrationReport>(json).unwrap(),
             report

@@ -6,6 +6,8 @@
 
 pub mod calibration;
 pub mod cdr;
+pub mod certificate;
+pub mod description;
 pub mod encoding;
 pub mod endpoint;
 pub mod estimate;

@@ -14,7 +14,7 @@ use fleetcal::command::{
 use fleetcal::environment::{self, Peers};
 use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
 use fleetcal_command::zenoh_words::{WithoutPlaces, without_places};
-use fleetcal_command::{agent, calibrate, doctor, odometry, replay, schema, simulate};
+use fleetcal_command::{agent, calibrate, doctor, odometry, replay, schema, simulate, verify};
 use fleetcal_domain::limits::ZENOH_LOG_LINES_PER_HOUR_MAX;
 use fleetcal_fleet::budget::Budget;
 use tracing_subscriber::filter::{EnvFilter, FilterExt as _, dynamic_filter_fn};
@@ -78,6 +78,7 @@ fn run(command: &Command) -> Result<(), CommandError> {
         Command::CheckConfig(arguments) => check_config::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),
         Command::Schema(arguments) => Ok(schema::run(arguments)?),
+        Command::Verify(arguments) => Ok(verify::run(arguments)?),
         Command::Man(arguments) => man::run(arguments),
     }
 }

@@ -15,7 +15,7 @@ use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_folder::signing_key::{self, KeyError};
 use fleetcal_http::Connections;
 use fleetcal_http::PublicUrl;
-use fleetcal_link::{Link, LinkError, LinkSetup};
+use fleetcal_link::{Link, LinkError, LinkSetup, Shares};
 use fleetcal_model::{AuditId, Generation, WallTime};
 use fleetcal_operations::accounts::KeepSetupCode;
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
@@ -262,6 +262,11 @@ fn link_setup(config: &Config) -> Result<LinkSetup, ServiceError> {
         connect: config.connect.clone(),
         zenoh_config: config.zenoh_config.clone(),
         allow_anonymous: config.allow_anonymous,
+        shares: Shares {
+            of_name: config.sessions_per_name,
+            of_address: config.sessions_per_address,
+            ..Shares::default()
+        },
         keys: Keys::new(config.root.clone()),
         ros2: config.ros2.clone(),
         ..LinkSetup::default()

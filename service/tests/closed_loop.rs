@@ -3,6 +3,7 @@
 
 #![expect(
     clippy::unwrap_used,
+    clippy::panic,
     clippy::print_stdout,
     reason = "a test that cannot go on fails, and prints its figures"
 )]
@@ -22,10 +23,11 @@ use fleetcal_domain::approval::{
 use fleetcal_domain::robot::{Mount, RobotConfig, Wheelbase};
 use fleetcal_estimator::{Pose2, VehicleModel};
 use fleetcal_model::Generation;
-use fleetcal_proto::signing::TrustedKeys;
+use fleetcal_proto::calibration::Envelope;
+use fleetcal_proto::signing::{KEY_BYTES, SigningKey, TrustedKeys, sha256_hex};
 use fleetcal_proto::{Keys, RobotId};
 use fleetcal_robot::fleet::{FleetOptions, SimulatedRobot, run_fleet, simulated_robots};
-use fleetcal_store::ProposalFilter;
+use fleetcal_store::{CertificateFilter, CertificateRecord, ProposalFilter};
 use tokio_util::sync::CancellationToken;
 
 /// The offsets of the paper's two runs, degrees.
@@ -179,9 +181,113 @@ async fn an_offset_is_found_approved_pulled_and_proven() {
         is_proven(&service, &robot.id, offset_deg, promise).await;
     }
     nothing_else_was_proposed(&service).await;
+    let certificates = certificates(&service).await;
+    let key = service.lifecycle().public_key().to_string();
     stop.cancel();
     fleet.await.unwrap().unwrap();
     service.stop().await.unwrap();
+    are_checked_without_the_service(&certificates, &key);
+}
+
+/// Files of the certificates of all robots, each as the API gives it.
+async fn certificates(service: &Service) -> Vec<String> {
+    let filter = CertificateFilter {
+        limit: 10,
+        ..CertificateFilter::default()
+    };
+    let found = service.store().certificates(&filter).await.unwrap();
+    assert_eq!(found.len(), OFFSETS_DEG.len(), "each is certified once");
+    let file = |one: &CertificateRecord| serde_json::to_string(&one.envelope).unwrap();
+    found.iter().map(file).collect()
+}
+
+/// Runs `fleetcal verify` on a file; returns its exit status, output and errors.
+fn verify(file: &str, key: &str) -> (Option<i32>, String, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("certificate.json");
+    std::fs::write(&path, file).unwrap();
+    let done = std::process::Command::new(env!("CARGO_BIN_EXE_fleetcal"))
+        .arg("verify")
+        .arg(&path)
+        .args(["--key", key])
+        .output()
+        .unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (done.status.code(), text(done.stdout), text(done.stderr))
+}
+
+fn are_checked_without_the_service(certificates: &[String], key: &str) {
+    let (status, printed, said) = verify(&certificates[0], key);
+    assert_eq!(status, Some(0), "{said}");
+    let acts = ["proposed", "approved", "applied", "verified"];
+    for fact in ["Calibration certificate", "manoeuvres", "RMS"]
+        .into_iter()
+        .chain(acts)
+    {
+        assert!(printed.contains(fact), "{fact}: {printed}");
+    }
+    let (status, printed, said) = verify(&certificates.join("\n"), key);
+    assert_eq!(status, Some(0), "{said}");
+    assert_eq!(printed.matches("Genuine").count(), OFFSETS_DEG.len());
+
+    let other = SigningKey::from_bytes(&[9; KEY_BYTES]).public_key();
+    let (status, _, said) = verify(&certificates[0], &other.to_string());
+    assert_eq!(status, Some(1));
+    assert!(said.contains("refused: key_id: got"), "{said}");
+    let (status, _, said) = verify("", key);
+    assert_eq!(status, Some(1), "{said}");
+
+    for (field, check) in CHANGED {
+        let (status, printed, said) = verify(&changed(&certificates[0], field), key);
+        assert_eq!(status, Some(1), "{field}: {printed}");
+        let refused = format!("refused: {check}");
+        assert!(said.contains(&refused), "{field}: {said}");
+        assert!(!printed.contains("Genuine"), "{field}: {printed}");
+    }
+    // A forger computes the hash again, and has no key.
+    let mut forged: Envelope = serde_json::from_str(&certificates[0]).unwrap();
+    forged.document = forged.document.replace("\"ana\"", "\"bob\"");
+    forged.sha256 = sha256_hex(forged.document.as_bytes());
+    let (status, _, said) = verify(&serde_json::to_string(&forged).unwrap(), key);
+    assert_eq!(status, Some(1));
+    assert!(said.contains("refused: signature: "), "{said}");
+}
+
+/// Fields of a certificate, one of each kind, and the check that names a change of its first byte.
+const CHANGED: [(&str, &str); 21] = [
+    (r#"\"schema\":"#, "sha256 is"),
+    (r#"\"number\":"#, "sha256 is"),
+    (r#"\"robot\":"#, "sha256 is"),
+    (r#"\"wheelbase_m\":"#, "sha256 is"),
+    (r#"\"generation\":"#, "sha256 is"),
+    (r#"\"steering_offset_rad\":"#, "sha256 is"),
+    (r#"\"sigmas\":{\"steering_offset_rad\":"#, "sha256 is"),
+    (r#"\"covariance\":"#, "sha256 is"),
+    (r#"\"distance_m\":"#, "sha256 is"),
+    (r#"\"left_m\":"#, "sha256 is"),
+    (r#"\"nis_mean\":"#, "sha256 is"),
+    (r#"\"limits\":{\"steering_offset_rad\":"#, "sha256 is"),
+    (r#"\"evidence_sha256\":"#, "sha256 is"),
+    (r#"\"rms_m\":"#, "sha256 is"),
+    (r#"\"by\":"#, "sha256 is"),
+    (r#"\"at\":"#, "sha256 is"),
+    (r#"\"service\":"#, "sha256 is"),
+    (r#","sha256":"#, "sha256 is"),
+    (r#","key_id":"#, "key_id: got"),
+    (r#","signature":"#, "signature: "),
+    (r#"{""#, "envelope: "),
+];
+
+/// Changes one bit of the first letter or digit behind a text of the file.
+fn changed(file: &str, behind: &str) -> String {
+    let from = file
+        .find(behind)
+        .unwrap_or_else(|| panic!("{behind} is in {file}"))
+        + behind.len();
+    let mut bytes = file.as_bytes().to_vec();
+    let place = (from..bytes.len()).find(|&at| bytes[at].is_ascii_alphanumeric());
+    bytes[place.unwrap()] ^= 0x01;
+    String::from_utf8(bytes).unwrap()
 }
 
 /// Holds a robot against its truth, and against how it drove before.

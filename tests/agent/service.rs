@@ -9,10 +9,12 @@ use fleetcal_proto::calibration::{
     Applied, AppliedStatus, CalibrationDocument, CalibrationFrame, CalibrationSchema,
     CalibrationValues, ConfirmationDocument, Confirmed, Envelope,
 };
+use fleetcal_proto::key::ServiceInstance;
 use fleetcal_proto::offer::{OfferDocument, OfferSchema, Offered, Question};
 use fleetcal_proto::signing::{SigningKey, seal, sign};
 use fleetcal_proto::{Keys, RobotId, StreamKind};
 use tokio::sync::mpsc;
+use zenoh::liveliness::LivelinessToken;
 use zenoh::{Session, Wait};
 
 /// Longest wait for a condition.
@@ -136,6 +138,13 @@ impl Service {
         let key = Keys::default().stream(&robot(), StreamKind::CalibrationApproved);
         let payload = serde_json::to_vec(&wanted(envelope, None)).unwrap();
         self.session.put(key, payload).await.unwrap();
+    }
+
+    /// Shows the token of a running service, until it is dropped.
+    pub async fn token(&self) -> LivelinessToken {
+        let token = Keys::default().service(&ServiceInstance::parse("a1").unwrap());
+        let declared = self.session.liveliness().declare_token(token).await;
+        declared.unwrap()
     }
 
     pub fn answers(&self) -> Vec<Applied> {

@@ -36,8 +36,9 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 27] = [
+pub const CRATES: [Member; 29] = [
     member("fleetcal-model", "proto/model", ""),
+    member("fleetcal-description", "proto/description", "model"),
     member("fleetcal-proto", "proto", "model"),
     member("fleetcal-odometry", "odometry", "model"),
     member("fleetcal-estimator", "estimator", "model odometry"),
@@ -48,7 +49,12 @@ pub const CRATES: [Member; 27] = [
     member(
         "fleetcal-domain",
         "service/domain",
-        "estimator limits model proto",
+        "description estimator limits model proto",
+    ),
+    member(
+        "fleetcal-certificate",
+        "service/certificate",
+        "domain model proto",
     ),
     member("fleetcal-cluster", "service/cluster", "domain model proto"),
     member(
@@ -85,7 +91,7 @@ pub const CRATES: [Member; 27] = [
     member(
         "fleetcal-operations",
         "service/operations",
-        "clock cluster domain estimator fleet model proto robot store",
+        "certificate clock cluster domain estimator fleet model proto robot store",
     ),
     member(
         "fleetcal-link",
@@ -106,7 +112,7 @@ pub const CRATES: [Member; 27] = [
     member(
         "fleetcal-api",
         "service/api",
-        "clock cluster domain estimator fleet http metrics model operations proto requests store",
+        "certificate clock cluster domain estimator fleet http metrics model operations proto requests store",
     ),
     member(
         "fleetcal-config",
@@ -116,7 +122,7 @@ pub const CRATES: [Member; 27] = [
     member(
         "fleetcal-command",
         "service/command",
-        "clock config domain estimator fleet model operations proto robot",
+        "certificate clock config description domain estimator fleet model operations proto robot",
     ),
     member(
         "fleetcal",

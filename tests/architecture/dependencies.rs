@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 /// Makes an empty folder below Cargo's own for tests.
 fn folder(name: &str) -> PathBuf {
@@ -62,7 +62,8 @@ fn of_the_kept_folders_the_last_three_stay_and_nothing_else_is_touched() {
     built(&here, "plain", "const A: u8 = 0;");
     fs::create_dir(kept.join("photos")).unwrap();
     fs::write(kept.join("photos/one.jpg"), "one").unwrap();
-    let then = SystemTime::now() - Duration::from_hours(5);
+    let now = fs::metadata(&here).unwrap().modified().unwrap();
+    let then = now - Duration::from_hours(5);
     for (age, name) in ["1.90.0-a", "1.90.0-b", "1.90.0-c"].into_iter().enumerate() {
         fs::create_dir(kept.join(name)).unwrap();
         let mark = fs::File::create(kept.join(name).join("complete")).unwrap();

@@ -94,6 +94,14 @@ fn the_vocabulary_is_pure() {
 }
 
 #[test]
+fn descriptions_are_read_purely() {
+    assert_only(
+        "fleetcal-description",
+        &["fleetcal-model", "nalgebra", "roxmltree", "thiserror"],
+    );
+}
+
+#[test]
 fn what_travels_knows_no_transport() {
     assert_only(
         "fleetcal-proto",
@@ -234,6 +242,7 @@ fn the_domain_decides_and_knows_no_outside_world() {
         &[
             "argon2",
             "base64",
+            "fleetcal-description",
             "fleetcal-estimator",
             "fleetcal-limits",
             "fleetcal-model",
@@ -277,7 +286,9 @@ fn pure_crates_touch_no_outside_world() {
         "estimator",
         "estimator/checks",
         "proto",
+        "proto/description",
         "proto/model",
+        "service/certificate",
         "service/cluster",
         "service/domain",
         "service/limits",

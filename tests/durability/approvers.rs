@@ -1,5 +1,6 @@
 //! Two people who approve the same proposal at once, on the real store.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -51,6 +52,7 @@ async fn decide(
         rear_axle_in_base_link: None,
         present: fleetcal_domain::approval::Present::Unknown,
         view: None,
+        cross_tracks: BTreeMap::new(),
     };
     store.transact(decision).await
 }

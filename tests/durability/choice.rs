@@ -105,6 +105,8 @@ fn for_deployment(random: &mut StdRng, live: &Deployment, now: WallTime) -> Comm
             residual: [0.0; 4],
             sigma: [0.0; 4],
             within,
+            limits: None,
+            evidence: None,
         },
     };
     let roll = random.random_range(0..10);

@@ -11,7 +11,7 @@ use crate::durability::injected::{Faults, Robots, SYNC, can_inject, settle};
 /// Time within which a write is answered, whatever the database does.
 const ANSWERED_WITHIN: Duration = Duration::from_secs(5);
 /// Time for which the database does not answer; `HANGS_FOR_S` sets another time.
-const HANGS_FOR_S: u64 = 12;
+const HANGS_FOR_S: u64 = 7;
 
 fn hangs_for() -> Duration {
     let text = std::env::var("HANGS_FOR_S");

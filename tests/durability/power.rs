@@ -12,8 +12,8 @@ use crate::durability::said::Said;
 use crate::durability::trace::{self, Event};
 use crate::durability::witness::{Fault, Witness};
 
-/// Disks that are examined with the settings of the service.
-const IMAGES: usize = 2_000;
+/// Disks that are examined with the settings of the service; `POWER_IMAGES` sets another number.
+const IMAGES: usize = 500;
 /// Disks that are examined with settings that survive the process alone.
 const IMAGES_UNSAFE: usize = 200;
 /// Decisions of a recording; the log is checkpointed into the database more than once meanwhile.

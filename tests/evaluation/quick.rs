@@ -14,7 +14,7 @@ use fleetcal_robot::fleet::{SimulatedRobot, simulated_robots};
 #[test]
 fn every_figure_is_what_it_has_to_be() {
     let evaluation = Evaluation {
-        extent: Extent::QUICK,
+        extent: Extent::CLAIMED,
         only: Vec::new(),
         // The recording has its own tests; here it would need the whole command.
         source: Source::default(),

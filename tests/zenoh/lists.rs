@@ -220,7 +220,9 @@ pub fn start_with_certificates(
         &ca,
     ];
     let config = generated(folder, &[flags, files].concat());
-    Service::start_on(zenoh, KNOWN, &["-c", &config])
+    // Sessions of robots that share a name, beyond the default share.
+    let known = format!("sessions_per_name = 64\n{KNOWN}");
+    Service::start_on(zenoh, &known, &["-c", &config])
 }
 
 async fn assert_certificates_are_asked_for(protocol: &str) {

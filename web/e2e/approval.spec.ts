@@ -1,5 +1,5 @@
 import { another, DEMO_ROBOTS, proposal, PROPOSED_WITHIN_MS, tabTo, waiting } from './decisions';
-import { accessible, expect, test } from './fixtures';
+import { accessible, expect, openPart, test } from './fixtures';
 
 test.use({ as: 'approver', own: 'approval' });
 test.describe.configure({ mode: 'serial' });
@@ -124,7 +124,9 @@ test('the deployment freeze says why and by whom, on every page', async ({ page 
   await expect(banner).toBeVisible();
   await page.goto('/');
   await expect(banner).toBeVisible();
-  await expect(page.getByRole('main')).toContainText(/Visitors in the hall \(approver, .* UTC\)/);
+  await expect(page.getByRole('main')).toContainText(
+    /Visitors in the hall \(approver, (yesterday )?\d\d:\d\d\)/,
+  );
   await accessible(page);
 });
 
@@ -196,8 +198,10 @@ test('a calibration is rolled back, with a reason, and stands among the deployme
   const row = page.getByRole('row').filter({ hasText: 'Checked together' }).first();
   await row.getByRole('link').click();
   await page.getByRole('link', { name: 'Robot page', exact: true }).click();
+  await openPart(page, 'History');
   await expect(page.getByRole('figure')).toHaveCount(4);
   await expect(page.getByRole('figure').first()).toContainText('applied');
+  await openPart(page, 'Overview');
   await page.getByRole('button', { name: 'Roll back' }).click();
   const dialog = page.getByRole('dialog');
   await accessible(page);

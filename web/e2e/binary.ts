@@ -19,6 +19,12 @@ const BETWEEN_DRIVES_S = 300;
 /** The administrator of every service that a test starts, the demo's apart. */
 export const ADMIN = { name: 'ada', password: 'correct horse battery' };
 
+/** Ports of a service: its dashboard's and its robots'. */
+interface Ports {
+  http: number;
+  zenoh: number;
+}
+
 /** State of a browser in which somebody has signed in. */
 export interface SignedIn {
   cookies: {
@@ -67,6 +73,7 @@ export class Service {
   readonly url: string;
   readonly zenoh: string;
   #command: 'demo' | 'serve';
+  #flags: string[];
   #folder: string;
   #process: ChildProcess | undefined;
   #robots: ChildProcess | undefined;
@@ -76,26 +83,32 @@ export class Service {
   #printed = '';
   #signedIn = new Map<string, Promise<SignedIn>>();
 
-  private constructor(command: 'demo' | 'serve', folder: string, http: number, zenoh: number) {
+  private constructor(command: 'demo' | 'serve', rate: number, folder: string, ports: Ports) {
+    const { http, zenoh } = ports;
     this.#command = command;
     this.#folder = folder;
     this.url = `http://127.0.0.1:${http}`;
     this.zenoh = `tcp/127.0.0.1:${zenoh}`;
+    this.#flags = ['--http', `127.0.0.1:${http}`, '--listen', this.zenoh, '--data', folder];
+    if (command === 'demo') this.#flags.push('--rate', String(rate));
   }
 
-  /** Starts the service with an empty folder, and waits until it is ready. */
-  static async start(command: 'demo' | 'serve'): Promise<Service> {
+  /**
+   * Starts the service with an empty folder, and waits until it is ready. For the robots of a demo
+   * `rate` seconds pass in one of real time.
+   */
+  static async start(command: 'demo' | 'serve', rate: number): Promise<Service> {
     const folder = await mkdtemp(join(tmpdir(), 'fleetcal-e2e-'));
-    const service = new Service(command, folder, await freePort(), await freePort());
+    const ports = { http: await freePort(), zenoh: await freePort() };
+    const service = new Service(command, rate, folder, ports);
     await service.run();
     return service;
   }
 
   /** Starts the process; again after {@link kill}. */
   async run(): Promise<void> {
-    const http = this.url.replace('http://', '');
-    const flags = ['--http', http, '--listen', this.zenoh, '--data', this.#folder];
-    const child = spawn(binary(), [this.#command, ...flags], { stdio: ['ignore', 'pipe', 'pipe'] });
+    const command = [this.#command, ...this.#flags];
+    const child = spawn(binary(), command, { stdio: ['ignore', 'pipe', 'pipe'] });
     this.#process = child;
     const keep = (chunk: Buffer) => {
       this.#log.push(...chunk.toString().split('\n').filter(Boolean));

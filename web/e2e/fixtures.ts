@@ -54,16 +54,19 @@ interface Shared {
   command: 'demo' | 'serve' | 'unset';
   /** Tests that change what others look at have a service of their own, by this name. */
   own: string;
+  /** Seconds that pass for a demo's robots in one of real time. */
+  rate: number;
   service: Service;
 }
 
 export const test = base.extend<Given, Shared>({
   command: ['demo', { option: true, scope: 'worker' }],
   own: ['', { option: true, scope: 'worker' }],
+  rate: [4, { option: true, scope: 'worker' }],
 
   service: [
-    async ({ command }, use) => {
-      const service = await Service.start(command === 'demo' ? 'demo' : 'serve');
+    async ({ command, rate }, use) => {
+      const service = await Service.start(command === 'demo' ? 'demo' : 'serve', rate);
       await use(service);
       await service.stop();
     },
@@ -113,6 +116,14 @@ export async function sideways(page: Page): Promise<number> {
   return page.evaluate(
     () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
   );
+}
+
+/** Opens a part of the robot's page that is shown. */
+export async function openPart(page: Page, name: 'Overview' | 'Evidence' | 'History' | 'Raw') {
+  const parts = page.getByRole('navigation', { name: 'Parts of this page' });
+  const link = parts.getByRole('link', { name });
+  await link.click();
+  await expect(link).toHaveAttribute('aria-current', 'page');
 }
 
 export { expect };

@@ -83,7 +83,7 @@ test('50 hostile names and notes are shown as text', async ({ page }) => {
     expect([201, 400, 422], trick).toContain(token.status());
   }
 
-  await page.goto(`/robots/${ROBOT}`);
+  await page.goto(`/robots/${ROBOT}?show=history`);
   const notes = page.getByRole('listitem').filter({ hasText: 'Maintenance' });
   await expect(notes).toHaveCount(TRICKS.length);
   const shown = await notes.locator('p').allTextContents();

@@ -25,7 +25,7 @@ test('robots that stay away after a restart are shown and raise one alert', asyn
     });
     expect(given.status()).toBe(201);
   }
-  await expect(rows.getByText('Online', { exact: true })).toHaveCount(ROBOTS);
+  await expect(rows.locator('.state').filter({ hasText: 'Calibrating' })).toHaveCount(ROBOTS);
   // What they send has to be stored before the service is killed.
   await page.waitForTimeout(15_000);
   await service.kill();

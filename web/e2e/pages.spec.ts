@@ -15,6 +15,7 @@ const PAGES = [
   ['/settings/tokens', 'Settings'],
   ['/settings/webhooks', 'Settings'],
   ['/health', 'Health'],
+  ['/help', 'Help'],
 ] as const;
 
 const PHONE = { width: 390, height: 844 };
@@ -63,6 +64,37 @@ test('the table of proposals fits a screen of 1440 px, with ids of twelve letter
   expect(cut).toBeLessThanOrEqual(0);
   // On one line.
   expect((await id.getByRole('link').boundingBox())?.height).toBeLessThan(30);
+});
+
+test('every page has help, glossary, API and version at its foot, and help needs no sign-in', async ({
+  page,
+  browser,
+  service,
+}) => {
+  for (const path of ['/', '/alerts', '/settings', '/nowhere']) {
+    await page.goto(path);
+    const foot = page.getByRole('contentinfo');
+    await expect(foot).toContainText('fleetcal finds each robot');
+    await expect(foot).toContainText(/Version \d+\.\d+\.\d+/);
+    await expect(foot.getByRole('link', { name: 'API' })).toHaveAttribute('href', '/docs/');
+    // At the foot of the window, also under a page that does not fill it.
+    const box = await foot.boundingBox();
+    expect((box?.y ?? 0) + (box?.height ?? 0)).toBeGreaterThanOrEqual(899);
+  }
+  await page.getByRole('link', { name: 'Glossary' }).click();
+  await expect(page.getByRole('heading', { name: 'Glossary' })).toBeInViewport();
+
+  const context = await browser.newContext({
+    baseURL: service.url,
+    storageState: { cookies: [], origins: [] },
+  });
+  const stranger = await context.newPage();
+  await stranger.goto('/');
+  await expect(stranger.getByRole('main')).toContainText('fleetcal finds each robot');
+  await stranger.getByRole('link', { name: 'Help' }).click();
+  await expect(stranger.getByRole('heading', { level: 1, name: 'Help' })).toBeVisible();
+  await accessible(stranger);
+  await context.close();
 });
 
 test('the pages are reached by keyboard, each with its heading in focus', async ({ page }) => {

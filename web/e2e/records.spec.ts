@@ -19,7 +19,7 @@ test('an alert is taken on, with who, when and what for', async ({ page }) => {
   await page.getByRole('dialog').getByLabel('Note').fill('Look at its mount');
   await page.getByRole('dialog').getByRole('button', { name: 'Acknowledge' }).click();
   const taken = page.getByRole('listitem').filter({ hasText: 'Look at its mount' });
-  await expect(taken.first()).toContainText(/Acknowledged by admin, \d\d \w+ \d{4}, .* UTC/);
+  await expect(taken.first()).toContainText(/Acknowledged by admin, (yesterday )?\d\d:\d\d/);
   await taken.first().getByText('History').click();
   await expect(taken.first()).toContainText(/pending: .*acknowledged by admin/i);
   await accessible(page);
@@ -56,17 +56,12 @@ test('Back finds the audit where it was left', async ({ page }) => {
   await page.goto('/audit');
   const links = page.getByRole('row').filter({ hasText: 'What changed' }).getByRole('link');
   await expect(links.first()).toBeVisible();
-  await page.evaluate(() => scrollTo(0, 600));
+  // Not every row has a link: the last one that has is brought into view, and pressed as it is.
+  await links.last().evaluate((link) => link.scrollIntoView({ block: 'center' }));
   await page.waitForTimeout(300);
   const top = await page.evaluate(() => scrollY);
   expect(top).toBeGreaterThan(300);
-  await links.evaluateAll((all) => {
-    const seen = all.find((link) => {
-      const box = link.getBoundingClientRect();
-      return box.top > 120 && box.bottom < innerHeight;
-    });
-    (seen as HTMLElement | undefined)?.click();
-  });
+  await links.last().evaluate((link) => (link as HTMLElement).click());
   await expect(page).toHaveURL(/\/robots\//);
   await expect.poll(() => page.evaluate(() => scrollY)).toBe(0);
   await page.goBack();

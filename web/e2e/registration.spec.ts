@@ -1,4 +1,4 @@
-import { accessible, expect, test } from './fixtures';
+import { accessible, expect, openPart, test } from './fixtures';
 
 test.use({ command: 'serve' });
 
@@ -37,6 +37,7 @@ test('a robot that nobody knows is given its vehicle, by keyboard alone', async 
   await page.keyboard.press('ArrowUp');
   await wheelbase.fill('1,2');
   await wheelbase.press('Enter');
+  await openPart(page, 'History');
   await expect(page.getByRole('figure')).toHaveCount(4);
   await expect(page.getByText('bicycle, wheelbase 1.200 m')).toBeVisible();
   // The first estimate comes within a minute of driving.

@@ -1,13 +1,48 @@
 import { readFile } from 'node:fs/promises';
 import { letters } from './canvas';
-import { accessible, expect, sideways, test } from './fixtures';
+import { accessible, expect, openPart, sideways, test } from './fixtures';
 
 const CHARTS = ['Steering offset', 'LiDAR x', 'LiDAR y', 'LiDAR yaw'];
 
 test.beforeEach(async ({ page }) => {
   await page.goto('/');
   await page.getByRole('rowheader').first().getByRole('link').click();
+  await openPart(page, 'History');
   await expect(page.getByRole('figure')).toHaveCount(CHARTS.length);
+});
+
+test('it answers first: verdict, next step, deviation and gain, then parts with addresses', async ({
+  page,
+}) => {
+  const robot = new URL(page.url()).pathname;
+  await page.goto(robot);
+  const answers = page.locator('.hero dl');
+  for (const what of ['Next step', 'Deviation, in tolerances', 'Off its path (RMS)']) {
+    await expect(answers.getByText(what, { exact: true })).toBeInViewport();
+  }
+  await expect(answers.getByText(/\d+\.\d mm/)).toBeInViewport({ timeout: 90_000 });
+  await expect(
+    page.getByRole('img', { name: /^Histogram of cross-track errors/ }),
+  ).toBeInViewport();
+  await expect(page.getByRole('figure')).toHaveCount(0);
+  for (const [part, heading] of [
+    ['Evidence', 'Top view'],
+    ['History', 'Deployments'],
+    ['Raw', 'Diagnostics'],
+    ['Overview', 'Calibration in use'],
+  ] as const) {
+    await openPart(page, part);
+    await expect(page.getByRole('heading', { name: heading, exact: true })).toBeVisible();
+    await page.reload();
+    await expect(page.getByRole('heading', { name: heading, exact: true })).toBeVisible();
+  }
+});
+
+test('times are said as people say them, with the rest as a tooltip', async ({ page }) => {
+  await openPart(page, 'Overview');
+  const time = page.getByRole('listitem').locator('time').first();
+  await expect(time).toHaveText(/^(yesterday )?\d\d:\d\d$/);
+  await expect(time).toHaveAttribute('title', /\d{4}.*\d\d:\d\d:\d\d \S+/);
 });
 
 test('four charts have data, and the same numbers as a table', async ({ page }) => {
@@ -49,7 +84,7 @@ test('the axes have letters of 12 px at every pixel ratio, and none is cut off',
     });
     const screen = await context.newPage();
     const drawn = await letters(screen);
-    await screen.goto(robot);
+    await screen.goto(`${robot}?show=history`);
     await expect(screen.getByRole('figure')).toHaveCount(CHARTS.length);
     await expect
       .poll(async () => (await drawn()).filter(({ text }) => /^\d\d:\d\d/.test(text)).length)
@@ -65,6 +100,7 @@ test('the axes have letters of 12 px at every pixel ratio, and none is cut off',
 test('it says what the robot should drive next, and nothing that would tell nothing', async ({
   page,
 }) => {
+  await openPart(page, 'Overview');
   const panel = page.locator('section').filter({
     has: page.getByRole('heading', { name: 'Recommended manoeuvres' }),
   });
@@ -94,9 +130,21 @@ test('a chart is read with the keyboard alone', async ({ page }) => {
   await slider.focus();
   await page.keyboard.press('Home');
   await expect(slider).toHaveAttribute('aria-valuenow', '0');
-  await expect(slider).toHaveAttribute('aria-valuetext', /^\d\d:\d\d:\d\d \S+: .+ ± .+mm$/);
-  await page.keyboard.press('ArrowRight');
-  await expect(slider).toHaveAttribute('aria-valuenow', '1');
+  const said = async () => (await slider.getAttribute('aria-valuetext')) ?? '';
+  const texts = [await said()];
+  expect(texts[0]).toMatch(/^\d\d:\d\d:\d\d \S+: .+ ± .+mm(, .+)?$/);
+  for (const at of ['1', '2']) {
+    await page.keyboard.press('ArrowRight');
+    await expect(slider).toHaveAttribute('aria-valuenow', at);
+    texts.push(await said());
+  }
+  // What happened there is named, and the cursor stays at its time while the chart moves on.
+  expect(texts.join('; ')).toContain('New session');
+  const points = Number(await slider.getAttribute('aria-valuemax'));
+  await expect
+    .poll(async () => Number(await slider.getAttribute('aria-valuemax')))
+    .toBeGreaterThan(points + 3);
+  expect(await said()).toBe(texts.at(-1));
   await page.keyboard.press('Escape');
   await expect(slider).toHaveAttribute('aria-valuetext', /^now: /);
 });
@@ -131,6 +179,11 @@ test('a stretch cut out of a chart stands in the address, and the way back is th
   await expect(page).toHaveURL(/from=.+&to=/);
   await page.getByRole('link', { name: 'Back to the last hour' }).click();
   await expect(page).toHaveURL(/range=1h/);
+  // The chart itself has a way back too.
+  await page.goBack();
+  await expect(page).toHaveURL(/from=.+&to=/);
+  await chart.dblclick({ position: { x: 200, y: 80 } });
+  await expect(page).not.toHaveURL(/from=/);
 });
 
 test('a reassembly is reported and stands among what happened', async ({ page }) => {
@@ -143,6 +196,7 @@ test('a reassembly is reported and stands among what happened', async ({ page })
   await dialog.getByRole('button', { name: 'Report', exact: true }).click();
   await expect(dialog).toBeHidden();
   await expect(page.getByRole('listitem').filter({ hasText: note })).toContainText('operator');
+  await openPart(page, 'Overview');
   // Its verdict stands at the top: open, until the robot has driven.
   const verdict = page.locator('section').filter({
     has: page.getByRole('heading', { name: 'After the reassembly' }),
@@ -157,20 +211,69 @@ for (const colorScheme of ['light', 'dark'] as const) {
     // The tables have a row for each second: three times all of that takes its time.
     test.setTimeout(180_000);
     await page.emulateMedia({ colorScheme });
-    await page.getByText('Diagnostics', { exact: true }).click();
-    await accessible(page);
-    for (const button of await page.getByRole('button', { name: /^Show as table/ }).all()) {
-      await button.click();
-    }
-    await accessible(page);
-    await page.setViewportSize({ width: 390, height: 844 });
-    await accessible(page);
-    for (const width of [390, 320]) {
-      await page.setViewportSize({ width, height: 640 });
-      expect(await sideways(page), `it scrolls sideways at ${width} px`).toBe(0);
+    for (const part of ['Overview', 'Evidence', 'History', 'Raw'] as const) {
+      await page.setViewportSize({ width: 1440, height: 900 });
+      await openPart(page, part);
+      await test.step(`${part} wide`, () => accessible(page));
+      for (const button of await page.getByRole('button', { name: /^Show as table/ }).all()) {
+        if ((await button.getAttribute('aria-pressed')) === 'false') await button.click();
+      }
+      await test.step(`${part} as tables`, () => accessible(page));
+      await page.setViewportSize({ width: 390, height: 844 });
+      await test.step(`${part} on a phone`, () => accessible(page));
+      for (const width of [390, 320]) {
+        await page.setViewportSize({ width, height: 640 });
+        expect(await sideways(page), `${part} scrolls sideways at ${width} px`).toBe(0);
+        // What a robot is judged by is seen without scrolling its table.
+        const hidden = await page
+          .getByRole('table', { name: /^Estimate with/ })
+          .evaluateAll((tables) =>
+            tables.map(({ scrollWidth, parentElement }) =>
+              Math.max(0, scrollWidth - (parentElement?.clientWidth ?? 0)),
+            ),
+          );
+        expect(hidden, `numbers cut off at ${width} px`).toEqual(part === 'Overview' ? [0] : []);
+      }
     }
   });
 }
+
+test('with reduced motion nothing moves, and without it a change takes 150 ms', async ({
+  page,
+}) => {
+  await openPart(page, 'Overview');
+  const bar = page.locator('.deviation .within').first();
+  await expect(bar).toBeVisible({ timeout: 90_000 });
+  const takes = () => bar.evaluate((element) => getComputedStyle(element).transitionDuration);
+  expect(await takes()).toBe('0.15s');
+  await page.emulateMedia({ reducedMotion: 'reduce' });
+  expect(await takes()).toBe('0s');
+  // The same of a state that changes.
+  await page.evaluate(() => {
+    const counted = Object.assign(globalThis, { moves: 0 });
+    const { prototype } = Element;
+    const animate = prototype.animate;
+    prototype.animate = function (...how) {
+      const options = how[1];
+      if (typeof options === 'object' && Number(options.duration) > 0) counted.moves++;
+      return animate.apply(this, how);
+    };
+  });
+  const moves = () => page.evaluate(() => (globalThis as unknown as { moves: number }).moves);
+  let standing = 'fault';
+  await page.route(/\/api\/v1\/robots\/[^/]+$/, async (route) => {
+    const response = await route.fetch();
+    const robot = (await response.json()) as Record<string, unknown>;
+    await route.fulfill({ response, json: { ...robot, standing } });
+  });
+  const shown = (word: string) => page.locator('.hero .state', { hasText: word });
+  await expect(shown('Sensor fault')).toBeVisible({ timeout: 10_000 });
+  expect(await moves()).toBe(0);
+  await page.emulateMedia({ reducedMotion: 'no-preference' });
+  standing = 'drift';
+  await expect(shown('Drift')).toBeVisible({ timeout: 10_000 });
+  expect(await moves()).toBeGreaterThan(0);
+});
 
 test('the colours can be chosen and are kept', async ({ page }) => {
   await page.emulateMedia({ colorScheme: 'light' });
@@ -191,6 +294,7 @@ test('the robot has a top view: scan, map, and where each steering would have le
   page,
 }) => {
   test.setTimeout(180_000);
+  await openPart(page, 'Evidence');
   const panel = page.locator('section').filter({
     has: page.getByRole('heading', { name: 'Top view' }),
   });

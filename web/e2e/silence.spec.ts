@@ -21,8 +21,8 @@ test('a silent robot is shown as such, and not green, also after a restart', asy
     data: { model: 'bicycle', wheelbase_m: 1.2 },
   });
   expect(given.status()).toBe(201);
-  await expect(row.getByText('Online')).toBeVisible();
   await expect(row.locator('.state')).toContainText('Calibrating');
+  await expect(row.getByText('Silent')).toHaveCount(0);
 
   await service.stopRobots();
   const silent = row.getByText('Silent', { exact: true });

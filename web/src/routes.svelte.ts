@@ -14,6 +14,7 @@ export type Route =
   | { page: 'health' }
   | { page: 'setup' }
   | { page: 'account' }
+  | { page: 'help' }
   | { page: 'missing'; path: string };
 
 /** Pages whose address has no parameters. */
@@ -26,7 +27,11 @@ const PLAIN: Record<string, Route> = {
   '/health': { page: 'health' },
   '/setup': { page: 'setup' },
   '/account': { page: 'account' },
+  '/help': { page: 'help' },
 };
+
+/** Addresses of the service outside the dashboard, which the browser follows itself. */
+const ELSEWHERE = /^\/(api|docs|licenses\.md)(\/|$)/;
 
 /** Returns the page at `path`. */
 export function route(path: string): Route {
@@ -120,6 +125,19 @@ function scrollBack(to_px: number): () => void {
   return stop;
 }
 
+/** Goes to the element that a fragment names, as soon as it is there, and focuses it. */
+function goToFragment(hash: string): void {
+  const until_ms = performance.now() + HEIGHT_WITHIN_MS;
+  const step = () => {
+    const element = document.getElementById(decodeURIComponent(hash.slice(1)));
+    if (element) {
+      element.scrollIntoView();
+      element.focus({ preventScroll: true });
+    } else if (performance.now() < until_ms) requestAnimationFrame(step);
+  };
+  requestAnimationFrame(step);
+}
+
 /** Current address. Everything that depends on the address derives from it. */
 class Place {
   url = $state.raw(new URL(globalThis.location?.href ?? 'http://localhost/'));
@@ -141,10 +159,10 @@ class Place {
     if (replace) history.replaceState(history.state, '', next);
     else if (next.href !== this.url.href) history.pushState(null, '', next);
     this.url = next;
-    if (!samePage) {
-      scrollTo(0, 0);
-      focusHeading();
-    }
+    if (samePage) return;
+    scrollTo(0, 0);
+    if (next.hash === '') focusHeading();
+    else goToFragment(next.hash);
   }
 
   /** Follows links and the back button; returns a function that stops it. */
@@ -165,7 +183,7 @@ class Place {
       const link = (event.target as Element | null)?.closest('a');
       if (!link || link.target !== '' || link.hasAttribute('download')) return;
       const href = new URL(link.href, location.href);
-      if (href.origin !== location.origin || href.pathname.startsWith('/api/')) return;
+      if (href.origin !== location.origin || ELSEWHERE.test(href.pathname)) return;
       if (href.hash !== '' && href.pathname === location.pathname) return;
       event.preventDefault();
       this.go(href.href);
@@ -194,7 +212,9 @@ class Place {
 
   #scrollBack(): void {
     this.#scrolling();
-    this.#scrolling = scrollBack((history.state as Entry | null)?.scroll_px ?? 0);
+    const { scroll_px } = (history.state as Entry | null) ?? {};
+    if (scroll_px === undefined && location.hash !== '') goToFragment(location.hash);
+    else this.#scrolling = scrollBack(scroll_px ?? 0);
   }
 }
 

@@ -13,7 +13,8 @@ use serde::{Deserialize, Serialize};
 use crate::claim::Claim;
 use crate::claim::encoder::ENCODER_SIGMA_M;
 use crate::estimate::{Cause, Parameter};
-use crate::filter::{ParameterCovariance, Values, padded};
+use crate::filter::tyres::{Slip, moved_by_tyres};
+use crate::filter::{PARAMETERS, ParameterCovariance, SIDE_SLIP, Values, padded};
 use crate::geometry::wrap_angle_rad;
 use crate::settings::EstimatorSettings;
 
@@ -123,19 +124,19 @@ impl Comparison {
     /// The same without the uncertainties that [`Self::verdict`] does not use.
     #[must_use]
     pub fn of_compared_alone(mut self) -> Self {
-        let all = self.covariance;
-        self.covariance.fill(0.0);
-        for (one, other) in COMPARED
-            .iter()
-            .flat_map(|one| COMPARED.map(|other| (one, other)))
-        {
-            let at = (one.index(), other.index());
-            self.covariance[at] = all[at];
+        let is_used =
+            |i: usize| i == SIDE_SLIP || COMPARED.iter().any(|compared| compared.index() == i);
+        for row in 0..PARAMETERS {
+            for column in 0..PARAMETERS {
+                if !is_used(row) || !is_used(column) {
+                    self.covariance[(row, column)] = 0.0;
+                }
+            }
         }
         self
     }
 
-    /// Compares with the values that the new session has found.
+    /// Compares with the values that the new session has found on the same tyres.
     pub fn verdict(
         &self,
         values: &Values,
@@ -146,7 +147,12 @@ impl Comparison {
         let mut apart = values - self.values;
         let yaw = Parameter::LidarYaw.index();
         apart[yaw] = wrap_angle_rad(apart[yaw]);
-        let uncertainty = with_systematic(covariance, settings) + self.covariance;
+        let prior_sigma = settings.side_slip_sigma_rad_per_mps2;
+        let stored = Slip::of(&self.values, &self.covariance, prior_sigma);
+        let new = Slip::of(values, covariance, prior_sigma);
+        let (by_tyres, of_tyres) = moved_by_tyres(&stored, &new, prior_sigma);
+        apart += by_tyres;
+        let uncertainty = with_systematic(covariance, settings) + self.covariance + of_tyres;
         let chi2 = |parameters: &[Parameter]| chi_squared(&apart, &uncertainty, parameters);
         if chi2(&COMPARED) <= limits.same {
             return Verdict::Same;
@@ -231,6 +237,81 @@ mod tests {
         assert!(matches!(mount, Verdict::Changed(Cause::LidarMount, _)));
         let both = verdict(&[(Parameter::LidarX, 0.02), (Parameter::SteeringOffset, 0.01)]);
         assert!(matches!(both, Verdict::Changed(Cause::Unknown, _)));
+    }
+
+    const SPEED_MPS: f64 = 1.0;
+
+    /// Values that a robot has found whose LiDAR is at `x_m` and whose tyres give way by `slip`, rad for each m/s^2, at
+    /// these speeds: each shows `x - c |v| v` to half a millimetre.
+    fn found(x_m: f64, slip: f64, speeds_mps: &[f64]) -> (Values, ParameterCovariance) {
+        let settings = EstimatorSettings::default();
+        let mut information = ParameterCovariance::identity() * 1e8;
+        let x = Parameter::LidarX.index();
+        information[(x, x)] = 1.0;
+        information[(SIDE_SLIP, SIDE_SLIP)] = settings.side_slip_sigma_rad_per_mps2.powi(-2);
+        let mut score = Values::zeros();
+        for speed_mps in speeds_mps {
+            let mut by = Values::zeros();
+            by[x] = 1.0;
+            by[SIDE_SLIP] = -speed_mps.abs() * speed_mps;
+            information += by * by.transpose() * 4e6;
+            score += by * (x_m + by[SIDE_SLIP] * slip) * 4e6;
+        }
+        let covariance = information.cholesky().unwrap().inverse();
+        (covariance * score, covariance)
+    }
+
+    fn compared(
+        (stored, covariance): (Values, ParameterCovariance),
+        (new, new_covariance): (Values, ParameterCovariance),
+        limits: &Limits,
+    ) -> Verdict {
+        let settings = EstimatorSettings::default();
+        let stored = Comparison::new(Occasion::NewSession, stored, &covariance, &settings)
+            .of_compared_alone();
+        stored.verdict(&new, &new_covariance, &settings, limits)
+    }
+
+    #[test]
+    fn tyres_that_give_way_are_no_lidar_that_moved() {
+        let drives: [&[f64]; 5] = [
+            &[SPEED_MPS],
+            &[-SPEED_MPS],
+            &[SPEED_MPS, -SPEED_MPS],
+            &[0.3],
+            &[0.3, 1.5],
+        ];
+        for slip in [0.0, 0.003, 0.01, 0.02, 0.03, 0.04] {
+            for (stored, new) in drives
+                .iter()
+                .flat_map(|a| drives.iter().map(move |b| (a, b)))
+            {
+                let [stored, new] = [stored, new].map(|speeds| found(0.4, slip, speeds));
+                let verdict = compared(stored, new, &SESSIONS);
+                assert_eq!(verdict, Verdict::Same, "{slip}: {stored:?} {new:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_lidar_that_moved_is_seen_whatever_the_tyres() {
+        for slip in [0.0, 0.003, 0.03] {
+            for (stored, new) in [
+                // Nothing of the slip is known, but it is the same.
+                (&[SPEED_MPS][..], &[SPEED_MPS][..]),
+                // It is known from both, or from the stored one alone.
+                (&[SPEED_MPS, -SPEED_MPS], &[SPEED_MPS, -SPEED_MPS]),
+                (&[SPEED_MPS, -SPEED_MPS], &[SPEED_MPS]),
+            ] {
+                for moved_m in [-0.03, 0.03] {
+                    let [stored, new] = [(0.4, stored), (0.4 + moved_m, new)]
+                        .map(|(x_m, speeds)| found(x_m, slip, speeds));
+                    let verdict = compared(stored, new, &DRIFT);
+                    let is_seen = matches!(verdict, Verdict::Changed(Cause::LidarMount, _));
+                    assert!(is_seen, "{slip}: {verdict:?} of {stored:?} and {new:?}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -15,6 +15,7 @@ mod parameters;
 pub mod prediction;
 pub mod prior;
 pub mod relevance;
+pub mod tyres;
 
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 use serde::de::IgnoredAny;

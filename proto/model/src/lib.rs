@@ -22,7 +22,7 @@ pub use number::{
     AlertId, AuditId, DeliveryId, DeploymentId, EventId, Generation, ProposalId, RevisionId,
     TokenId, UserId, Version, WebhookId,
 };
-pub use parameter::{Consistency, Counts, Parameter, ParameterStatus, Unit};
+pub use parameter::{Consistency, Counts, Motions, Parameter, ParameterStatus, Unit};
 pub use plane::{Point, Pose2, wrap_angle_rad};
 pub use robot_id::{RobotId, RobotIdRefused};
 pub use sigma::{SigmaEffect, SigmaSource, SigmaTerm};

@@ -152,6 +152,20 @@ pub struct Counts {
     pub duplicates: u64,
 }
 
+/// Distance driven in each kind of motion, m.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Motions {
+    /// Distance driven in curves to the left, m.
+    pub left_m: f64,
+    /// Distance driven straight, m.
+    pub straight_m: f64,
+    /// Distance driven in curves to the right, m.
+    pub right_m: f64,
+    /// Distance driven backwards, in any direction, m.
+    pub reverse_m: f64,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -13,6 +13,7 @@ mod point_cloud2;
 mod pose_stamped;
 mod serde_forms;
 mod string;
+mod tf_message;
 mod twist_stamped;
 
 pub use ackermann::{AckermannDrive, AckermannDriveStamped};
@@ -26,6 +27,7 @@ pub use odometry::{
 pub use point_cloud2::{CloudRefused, Column, PointCloud2, PointDatatype, PointField};
 pub use pose_stamped::PoseStamped;
 pub use string::StringMessage;
+pub use tf_message::{TRANSFORMS_MAX, TfMessage, Transform, TransformStamped};
 pub use twist_stamped::TwistStamped;
 
 use serde::Serialize;

@@ -16,6 +16,7 @@ use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use crate::calibration::{CalibrationDocument, ConfirmationDocument, Confirmed, Envelope};
+use crate::certificate::CertificateDocument;
 use crate::offer::{OfferDocument, Offered};
 
 /// Largest envelope that is read, bytes.
@@ -191,6 +192,10 @@ impl Statement for ConfirmationDocument {
     const SCHEMA: &'static str = "fleetcal.confirmation/1";
 }
 
+impl Statement for CertificateDocument {
+    const SCHEMA: &'static str = "fleetcal.certificate/1";
+}
+
 /// Writes a calibration document once, and hashes and signs exactly the written bytes.
 ///
 /// # Errors
@@ -286,6 +291,18 @@ pub enum EnvelopeRefused {
 }
 
 impl Envelope {
+    /// Reads an envelope without opening it.
+    ///
+    /// # Errors
+    /// When it is longer than [`OFFERED_BYTES_MAX`] or not an envelope in JSON.
+    pub fn from_json(text: &[u8]) -> Result<Self, EnvelopeRefused> {
+        let length = text.len();
+        if length > OFFERED_BYTES_MAX {
+            return Err(EnvelopeRefused::TooLarge { length });
+        }
+        read(text).map_err(EnvelopeRefused::Form)
+    }
+
     /// Opens the envelope of a calibration document.
     ///
     /// # Errors

@@ -341,7 +341,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
     assert_eq!(fleet.await.unwrap().unwrap()[0].generation, Generation(5));
 }
 
-/// Drives in real time, with one reading a second: some with the wrong steering zero, and as many
+/// Drives with one reading a second of its own time: some with the wrong steering zero, and as many
 /// with the right one.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_robot_stops_weaving_once_its_true_calibration_is_approved() {
@@ -351,6 +351,7 @@ async fn a_robot_stops_weaving_once_its_true_calibration_is_approved() {
     let (session, endpoint) = router().await;
     let payloads = collect(&session, "fleet/*/cross_track_error", Encoding::Json).await;
     let mut options = options(1, &endpoint);
+    options.rate = NonZeroU32::new(8).unwrap();
     let config = &mut options.robots[0].config;
     config.vehicle.steering_offset_rad = 2.92_f64.to_radians();
     config.lidar = LidarOutput::Poses(PoseSettings::default());
@@ -382,7 +383,16 @@ async fn a_robot_stops_weaving_once_its_true_calibration_is_approved() {
     };
     let approved = Approved::answering(&session).await;
     let envelope = envelope_of(values, "tugger_01", Generation(1), 600);
+    let answers = collect(&session, "fleet/*/calibration/applied", Encoding::Json).await;
     approved.approve(&envelope).await;
+    let is_applied = |payload: &Vec<u8>| {
+        let answer: Acknowledgement = serde_json::from_slice(payload).unwrap();
+        answer.generation == Generation(1) && answer.status == AppliedStatus::Applied
+    };
+    until("it applied what was approved", || {
+        answers.lock().unwrap().values().flatten().any(is_applied)
+    })
+    .await;
     let from = errors_m().len() + SETTLING;
     until("it drove with what was approved", || {
         errors_m().len() >= from + READINGS

@@ -142,6 +142,15 @@ impl Recording {
         path == file || self.files().any(is_it) || folder.is_some_and(is_beside)
     }
 
+    /// Returns the other files of messages in the folder of a recording that is one file, in their
+    /// order, and whether all are of one split recording. There are none for a folder.
+    pub fn files_beside(&self) -> (Vec<PathBuf>, bool) {
+        if self.path.is_dir() {
+            return (Vec::new(), true);
+        }
+        storage::files_beside(&self.path)
+    }
+
     /// Returns the path.
     pub fn path(&self) -> &Path {
         &self.path

@@ -142,6 +142,29 @@ fn has_messages(path: &Path) -> bool {
     ENDINGS.iter().any(|ending| name.ends_with(ending))
 }
 
+/// Returns the other files of messages in the folder of one, in the order of recording if
+/// `rosbag2` wrote it, else of their names; at most [`FILES_MAX`]. The second value is true for a
+/// split recording of `rosbag2`, whose files are of one robot's drive.
+pub(super) fn files_beside(file: &Path) -> (Vec<PathBuf>, bool) {
+    let folder = match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten();
+    let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
+    let mut present: Vec<PathBuf> = paths.filter(|path| has_messages(path)).collect();
+    present.sort();
+    let metadata = folder.join(METADATA);
+    let split = split_files(folder, &metadata, &present);
+    let (mut files, is_split) = match split {
+        Ok(files) if metadata.is_file() => (files, true),
+        _ => (present, false),
+    };
+    files.retain(|other| other.file_name() != file.file_name());
+    files.truncate(FILES_MAX);
+    (files, is_split)
+}
+
 /// True if `rosbag2` wrote a file into a folder: the metadata, or one of messages.
 pub(super) fn is_of_bag(folder: &Path, file: &Path) -> bool {
     let metadata = folder.join(METADATA);

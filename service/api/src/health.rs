@@ -70,8 +70,7 @@ pub(super) struct Readiness {
     /// Check that the database has a schema for this program.
     migrations: Check,
     /// Check that the Zenoh session is open and, for an instance of a cluster, connected to a
-    /// router. The detail also reports that all places of sessions are taken, and the client with
-    /// the most.
+    /// router. The detail also names the client whose further sessions get no place.
     zenoh: Check,
     /// Check that this instance is a member of its cluster; absent for a single service. The detail
     /// also names the instances that it does not receive over Zenoh.
@@ -238,7 +237,7 @@ pub(super) async fn readyz(
     let mut zenoh = Check::of(zenoh);
     if let Some(crowd) = api.fleet.peers().crowded().filter(|_| zenoh.ok) {
         // Peers that have fewer still come in, and those that are there go on.
-        zenoh.detail = Some(format!("all places of Zenoh sessions are taken: {crowd}"));
+        zenoh.detail = Some(crowd);
     }
     let document = Readiness {
         ready,

@@ -8,6 +8,7 @@ mod access;
 mod alerts;
 mod answers;
 mod approval;
+mod certificates;
 mod cluster;
 mod dashboard;
 mod documentation;
@@ -176,6 +177,7 @@ impl ApiState {
     components(schemas(
         Problem,
         live_event::LiveEvent,
+        fleetcal_proto::certificate::CertificateDocument,
         robots::SortSchema,
     )),
 )]
@@ -238,6 +240,7 @@ fn documented() -> OpenApiRouter<ApiState> {
         .merge(robots::routes())
         .merge(access::routes())
         .merge(approval::routes())
+        .merge(certificates::routes())
         .merge(alerts::routes())
         .merge(webhooks::routes())
         .routes(routes!(cluster::get_cluster))

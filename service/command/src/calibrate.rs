@@ -62,10 +62,12 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
     let known = (&robot.id, &robot.config, &robot.settings);
     let run = Run::start(&recording, &robot.topics, known, arguments)?;
     let finished = run.finish(clock)?;
-    for remark in finished.remarks {
+    let described = robot.description.iter().flat_map(|of| &of.remarks);
+    for remark in described.chain(&finished.remarks) {
         eprintln!("fleetcal: {remark}");
     }
-    let report = finished.report;
+    let mut report = finished.report;
+    report.description = robot.description;
     if let (Some(path), Some(session)) = (&arguments.report, &finished.session) {
         report::write(path, &arguments.recording, &report, session)?;
     }

@@ -65,6 +65,9 @@ impl DoctorReport {
 pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     let recording = Recording::open(&arguments.recording)?;
     let mut robot = arguments.robot.of(&recording)?;
+    for remark in robot.description.iter().flat_map(|of| &of.remarks) {
+        eprintln!("fleetcal: {remark}");
+    }
     robot.config.nominal_extrinsics = arguments.nominal_yaw.or(robot.config.nominal_extrinsics);
     let mut run = Run {
         intake: Intake::new(ReadingSettings::of(&robot.config)),

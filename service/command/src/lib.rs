@@ -6,6 +6,7 @@
 pub mod agent;
 pub mod calibrate;
 mod connection;
+mod described;
 pub mod doctor;
 mod height_band;
 mod known_map;
@@ -24,6 +25,7 @@ pub mod simulate;
 mod table;
 mod timing;
 mod topics;
+pub mod verify;
 pub mod zenoh_words;
 
 use std::path::PathBuf;
@@ -31,11 +33,12 @@ use std::pin::Pin;
 
 use clap::ValueEnum;
 use fleetcal_config::ConfigError;
+use fleetcal_description::DescriptionRefused;
 use fleetcal_domain::robot::ValueRefused;
 use fleetcal_estimator::VehicleModel;
 use fleetcal_estimator::stream::FieldRefused;
 use fleetcal_model::RobotIdRefused;
-use fleetcal_proto::signing::TrustedKeysRefused;
+use fleetcal_proto::signing::{EnvelopeRefused, TrustedKeysRefused};
 use fleetcal_robot::agent::AgentError;
 use fleetcal_robot::fleet::{FleetError, RecordError, TooManyRobots};
 use fleetcal_robot::recording::{RecordingError, TopicError};
@@ -47,7 +50,7 @@ use crate::map_server::MapRefused;
 /// Future of a running command. It is compiled in this crate instead of the one that awaits it.
 pub type Boxed<'a> = Pin<Box<dyn Future<Output = Result<(), CommandError>> + 'a>>;
 
-/// Exit status of checks that named a cause.
+/// Exit status of checks that named a cause, or refused a certificate.
 pub const EXIT_FOUND: u8 = 1;
 /// Exit status of errors that the caller can correct.
 pub const EXIT_USAGE: u8 = 2;
@@ -102,12 +105,28 @@ pub enum CommandError {
     Start(#[from] FieldRefused),
     /// The vehicle's size is unknown.
     #[error(
-        "the wheelbase is missing: give --wheelbase METRES, or a [[robot]] with id = \"{robot}\" \
-         in a --config file"
+        "the wheelbase is missing: give --wheelbase METRES, a --urdf FILE, or a [[robot]] with id = \
+         \"{robot}\" in a --config file{described}"
     )]
     WheelbaseMissing {
         /// The robot of the recording.
         robot: String,
+        /// Reason for which its description does not give it, behind a semicolon.
+        described: String,
+    },
+    /// The vehicle's steering is unknown although it is described.
+    #[error("the model is missing: give --model; its description does not say it: {described}")]
+    ModelMissing {
+        /// Reason for which its description does not give it.
+        described: String,
+    },
+    /// The file of `--urdf` is refused.
+    #[error("--urdf {}: {refused}", path.display())]
+    Description {
+        /// The file.
+        path: PathBuf,
+        /// Fault of the file.
+        refused: DescriptionRefused,
     },
     /// The robot's name is not a valid id.
     #[error("{refused}; name the robot with --robot")]
@@ -202,6 +221,28 @@ pub enum CommandError {
         /// Number of causes.
         causes: usize,
     },
+    /// Too many keys to trust.
+    #[error("--key: {0}")]
+    VerifyKeys(#[source] TrustedKeysRefused),
+    /// A certificate is not genuine.
+    #[error("{}: line {line}: refused: {refused}", path.display())]
+    Certificate {
+        /// The file.
+        path: PathBuf,
+        /// Line of the file.
+        line: u64,
+        /// The check that failed.
+        refused: EnvelopeRefused,
+    },
+    /// A file without a certificate.
+    #[error("{}: got nothing, expected a certificate", .0.display())]
+    NoCertificate(PathBuf),
+    /// A page shows one certificate.
+    #[error("--html: got {certificates} certificates, expected one")]
+    OnePage {
+        /// Number of certificates of the file.
+        certificates: u64,
+    },
     /// The document could not be written as JSON.
     #[error("cannot write the result: {0}")]
     Json(#[from] serde_json::Error),
@@ -231,15 +272,19 @@ impl CommandError {
             | Self::Joints(_)
             | Self::Start(_)
             | Self::WheelbaseMissing { .. }
+            | Self::ModelMissing { .. }
+            | Self::Description { .. }
             | Self::Robot { .. }
             | Self::Keys(_)
+            | Self::VerifyKeys(_)
+            | Self::OnePage { .. }
             | Self::Limits { .. }
             | Self::Imperfections { .. }
             | Self::TooManyRobots(_)
             | Self::OneRobot { .. }
             | Self::Record(_)
             | Self::OverRecording(_) => EXIT_USAGE,
-            Self::Found { .. } => EXIT_FOUND,
+            Self::Found { .. } | Self::Certificate { .. } | Self::NoCertificate(_) => EXIT_FOUND,
             Self::Task(_) | Self::Figure(_) => EXIT_FAILED,
             Self::Unusable { .. } => EXIT_DATA,
         }

@@ -2,11 +2,14 @@
 
 use fleetcal_fleet::words::{event, word};
 use fleetcal_model::{Parameter, ParameterStatus, Unit};
+use fleetcal_proto::description::DescriptionDocument;
 use fleetcal_proto::estimate::{CalibrationReport, ParameterDocument};
+use serde_json::Value;
 
 /// Formats the table that `fleetcal calibrate` prints.
 pub fn table(report: &CalibrationReport) -> String {
     let mut lines = head(report);
+    lines.extend(report.description.iter().flat_map(described));
     lines.push(String::new());
     lines.push(format!(
         "{:<16} {:>12}   {:>12}   {}",
@@ -41,6 +44,48 @@ fn head(report: &CalibrationReport) -> Vec<String> {
             report.scans_rejected,
         ),
     ]
+}
+
+/// Lines on what was taken from the robot's own description, and on what it does not say.
+fn described(description: &DescriptionDocument) -> Vec<String> {
+    let mut lines = Vec::new();
+    if !description.origins.is_empty() {
+        lines.push(format!("description: {}", description.origins.join(", ")));
+    }
+    for value in &description.values {
+        let used = if value.used { "" } else { " (not used)" };
+        let (key, json, source) = (&value.key, &value.value, &value.source);
+        lines.push(format!("  {key} = {}{used}, by {source}", shown(json)));
+    }
+    let missing = description.missing.iter();
+    lines.extend(missing.map(|reason| format!("  without {reason}")));
+    lines
+}
+
+/// Formats a described value: lengths to a tenth of a millimetre.
+fn shown(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Number(number) => number.as_f64().map_or_else(
+            || number.to_string(),
+            |number| {
+                let rounded = (number * 1e4).round() / 1e4;
+                (rounded + 0.0).to_string()
+            },
+        ),
+        Value::Array(items) => {
+            let items: Vec<String> = items.iter().map(shown).collect();
+            items.join(" and ")
+        }
+        Value::Object(fields) => {
+            let fields: Vec<String> = fields
+                .iter()
+                .map(|(key, value)| format!("{key} {}", shown(value)))
+                .collect();
+            fields.join(", ")
+        }
+        other => other.to_string(),
+    }
 }
 
 fn row(name: Parameter, parameter: &ParameterDocument) -> Vec<String> {

@@ -9,6 +9,7 @@ pub use cluster::ClusterConfig;
 
 use fleetcal_domain::alert::AlertPolicy;
 use fleetcal_domain::approval::Policy;
+use fleetcal_domain::limits;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_domain::streams::Ros2Settings;
 use fleetcal_estimator::EstimatorSettings;
@@ -94,6 +95,10 @@ pub struct Config {
     pub zenoh_config: Option<PathBuf>,
     /// True if peers beyond this machine may connect to Zenoh without authentication.
     pub allow_anonymous: bool,
+    /// Largest number of Zenoh sessions of one name, by password or certificate.
+    pub sessions_per_name: usize,
+    /// Largest number of Zenoh sessions of one address without a name.
+    pub sessions_per_address: usize,
     /// First chunk of every key.
     pub root: KeyRoot,
     /// Settings of the topics of ROS 2 robots.
@@ -127,6 +132,8 @@ impl Default for Config {
             connect: Vec::new(),
             zenoh_config: None,
             allow_anonymous: false,
+            sessions_per_name: limits::ZENOH_SESSIONS_PER_NAME_DEFAULT,
+            sessions_per_address: limits::ZENOH_SESSIONS_PER_ADDRESS_DEFAULT,
             root: KeyRoot::default(),
             ros2: Ros2Settings::default(),
             estimator: EstimatorSettings::default(),

@@ -2,11 +2,13 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::access::{AccountName, Actor, Grant, PasswordHash, Role};
-use fleetcal_domain::approval::DeploymentAction;
+use fleetcal_domain::approval::{DeploymentAction, Outcome, RobotLedger};
 use fleetcal_domain::audit::Action;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_model::{EventId, UserId, Version, WallTime};
-use fleetcal_store::{AuditEntry, Job, NewEvent, Records, StoreError, UserRecord};
+use fleetcal_store::{
+    AuditEntry, CertificateRecord, Job, NewEvent, Records, StoreError, UserRecord,
+};
 
 use crate::{NOW_S, NS, robot};
 
@@ -64,6 +66,38 @@ impl Job for KeepRobot {
             .save_config(&robot("a"), config, None, Version(version), WallTime(now))
             .await?;
         records.add_event(event).await
+    }
+}
+
+/// Stores a certificate, with the deployment that it is about.
+#[derive(Debug)]
+pub struct KeepCertificate(pub CertificateRecord);
+
+#[async_trait]
+impl Job for KeepCertificate {
+    type Done = ();
+
+    async fn run(&self, records: &mut dyn Records) -> Result<(), StoreError> {
+        let Self(certificate) = self;
+        let deployment = serde_json::json!({
+            "id": certificate.number, "robot": certificate.robot, "version": 1,
+            "state": "verified", "approved_by": certificate.approved_by,
+            "offer": {"generation": 1, "sha256": "ab", "revision": 1}, "earlier": [],
+            "created_ns": 1, "expires_ns": 2,
+        });
+        let outcome = Outcome {
+            ledger: RobotLedger::new(certificate.robot.clone()),
+            revisions: Vec::new(),
+            proposals: Vec::new(),
+            deployments: vec![serde_json::from_value(deployment).unwrap()],
+            shadow_changed: false,
+            envelopes: Vec::new(),
+            outbox: Vec::new(),
+            sent: None,
+            transitions: Vec::new(),
+        };
+        records.save_outcome(&outcome).await?;
+        records.save_certificate(certificate).await
     }
 }
 

@@ -25,7 +25,7 @@ use fleetcal_store::{EventKind, EventSource, HistoryQuery, NewEvent, Store};
 
 pub use database::{SERVER, TestDatabase, server};
 pub use instance::{instance, joining, open_instance};
-pub use jobs::{AddUser, AppendAudit, IsThere, KeepRobot};
+pub use jobs::{AddUser, AppendAudit, IsThere, KeepCertificate, KeepRobot};
 
 /// Wall time at which the tests begin, s: 2026-01-01.
 pub const NOW_S: i64 = 1_767_225_600;
@@ -85,6 +85,7 @@ pub fn estimate(name: &str, t_s: i64, offset_rad: f64, yaw_rad: f64) -> Estimate
             samples: 10,
         },
         counts: Counts::default(),
+        motions: None,
         lidar_in_base_link: None,
         estimated_by: None,
     }

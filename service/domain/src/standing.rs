@@ -136,7 +136,10 @@ impl Standing {
             AlertKind::NoData => Self::NoData,
             AlertKind::Fault => Self::Fault,
             AlertKind::Uncalibrated => Self::Uncalibrated,
-            AlertKind::RoutersCut | AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => {
+            AlertKind::RoutersCut
+            | AlertKind::ConfigurationsDiffer
+            | AlertKind::ClockOff
+            | AlertKind::SessionsFull => {
                 return None;
             }
         })

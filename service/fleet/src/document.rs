@@ -4,7 +4,7 @@ use fleetcal_domain::robot::{CheckFinding, Mount};
 use fleetcal_estimator::Vehicle;
 use fleetcal_estimator::calibrator::Calibrator;
 use fleetcal_estimator::estimate::{self, Change, Estimate, ParameterEstimate, ParameterEstimates};
-use fleetcal_model::{Parameter, ParameterStatus, Pose2, RobotId};
+use fleetcal_model::{Motions, Parameter, ParameterStatus, Pose2, RobotId};
 use fleetcal_proto::estimate::{
     self as document, CalibrationReport, ChangeDocument, EstimateDocument, ParameterDocument,
     Parameters, Timing, VehicleDocument,
@@ -23,8 +23,20 @@ pub fn estimate_document(robot: &RobotId, estimate: &Estimate) -> EstimateDocume
         detection: Some(estimate.detection),
         consistency: estimate.consistency,
         counts: estimate.counts,
+        motions: None,
         lidar_in_base_link: None,
         estimated_by: None,
+    }
+}
+
+/// Makes the document of the motions that a calibrator's estimate rests on.
+pub fn motions(calibrator: &Calibrator) -> Motions {
+    let driven = calibrator.excitation();
+    Motions {
+        left_m: driven.left_m,
+        straight_m: driven.straight_m,
+        right_m: driven.right_m,
+        reverse_m: driven.reverse_m,
     }
 }
 
@@ -60,6 +72,7 @@ pub fn report(robot: &RobotId, calibrator: &Calibrator, timing: Timing) -> Calib
         schema_version: CalibrationReport::SCHEMA_VERSION,
         robot: robot.clone(),
         vehicle: vehicle_document(&calibrator.config().vehicle),
+        description: None,
         duration_s: calibrator.duration_s(),
         distance_m: estimate.distance_m,
         drive_samples: estimate.counts.drive_samples,

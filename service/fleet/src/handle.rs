@@ -11,7 +11,9 @@ use fleetcal_clock::SharedClock;
 use fleetcal_cluster::Membership;
 use fleetcal_domain::approval::Policy;
 use fleetcal_domain::limits;
-use fleetcal_domain::robot::{AnnouncedTopic, CrossTrack, Journal, RobotConfig, RobotView};
+use fleetcal_domain::robot::{
+    AnnouncedTopic, CrossTrack, Journal, RobotConfig, RobotState, RobotView,
+};
 use fleetcal_domain::streams::RobotStreams;
 use fleetcal_estimator::advice::ranking::Ranked;
 use fleetcal_estimator::calibrator::TopView;
@@ -72,6 +74,12 @@ pub enum FleetRefused {
     /// The fleet is full.
     #[error("{} robots are configured, which is the limit", limits::ROBOTS_MAX)]
     RobotsMax,
+    /// The robot's estimator is stopped after too many faults.
+    #[error(
+        "the estimator of robot {0} is stopped, expected one that runs: restart the service, and \
+         the estimator goes on from its last stored state"
+    )]
+    Stopped(RobotId),
     /// Too many notes wait for the robot.
     #[error("robot {0} has {max} notes that wait", max = limits::MAILBOX_NOTES_MAX)]
     NotesMax(RobotId),
@@ -234,12 +242,16 @@ impl FleetHandle {
     /// its estimator later.
     ///
     /// # Errors
-    /// The robot is unknown or unregistered, so that it has no estimator, or too many notes wait.
+    /// The robot is unknown or unregistered, so that it has no estimator, its estimator is stopped,
+    /// or too many notes wait.
     pub fn takes_notes(&self, id: &RobotId) -> Result<(), FleetRefused> {
         let unknown = || FleetRefused::UnknownRobot(id.clone());
         let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
         if !robot.is_configured() {
             return Err(FleetRefused::Unregistered(id.clone()));
+        }
+        if robot.state() == RobotState::Failed {
+            return Err(FleetRefused::Stopped(id.clone()));
         }
         if robot.is_here() && !robot.mailbox.has_room_for_note() {
             return Err(FleetRefused::NotesMax(id.clone()));

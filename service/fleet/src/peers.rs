@@ -37,7 +37,7 @@ pub struct PeerSessions {
 }
 
 impl PeerSessions {
-    /// Sets the number of open sessions and, if all places are taken, the owner of the most.
+    /// Sets the number of open sessions, and describes an owner whose further ones get no place.
     pub fn set_open(&self, open: usize, crowded: Option<String>) {
         self.open.store(open, Ordering::Relaxed);
         *self.crowded.lock().unwrap_or_else(PoisonError::into_inner) = crowded;
@@ -64,7 +64,7 @@ impl PeerSessions {
         })
     }
 
-    /// Returns the owner of the most sessions, while all places are taken.
+    /// Returns the description of an owner whose further sessions get no place.
     pub fn crowded(&self) -> Option<String> {
         let crowded = self.crowded.lock();
         crowded.unwrap_or_else(PoisonError::into_inner).clone()

@@ -377,6 +377,7 @@ impl Robot {
         status.state = state;
         status.estimate = Some(estimate);
         status.candidate = candidate;
+        status.verification = None;
     }
 
     /// True if it is calibrated and its estimate has been stable for long enough by now.

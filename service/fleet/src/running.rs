@@ -32,9 +32,6 @@ async fn run(
         return;
     };
     let mut task = RobotTask::start(fleet, robot, version, &config, stored.as_deref());
-    if task.last_good.is_none() {
-        task.robot.show_nothing();
-    }
     let mut idle_rounds = TASK_IDLE_ROUNDS;
     loop {
         idle_rounds = idle_rounds.saturating_add(1);

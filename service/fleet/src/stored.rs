@@ -2,8 +2,8 @@
 
 use fleetcal_domain::robot::{Basis, CheckFinding, Signals};
 use fleetcal_estimator::calibrator::CalibratorConfig;
-use fleetcal_estimator::{Calibrator, Checkpoint, Pose2, Vehicle};
-use fleetcal_model::RobotId;
+use fleetcal_estimator::{Calibrator, Checkpoint, Event, Note, Pose2, Vehicle};
+use fleetcal_model::{NoteKind, RobotId, RobotTime};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -12,8 +12,8 @@ use crate::notes::NotesTaken;
 use crate::packed::{self, Unreadable};
 use crate::verification_run::{StoredRun, VerificationRun};
 
-/// Stored state of a robot's task. It is ignored if the estimator's configuration has changed
-/// since. Fields that former versions did not store are absent in their states.
+/// Stored state of a robot's task. If the estimator's configuration has changed since, only what
+/// was reported about the robot is used. Fields that former versions did not store are absent in their states.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Stored {
     /// Configuration of the estimators.
@@ -124,6 +124,20 @@ pub struct Restored {
 }
 
 impl Restored {
+    /// Makes the state of a robot whose estimator has another configuration now: what was reported
+    /// about it stays.
+    fn reported(config: &CalibratorConfig, stored: Stored) -> Self {
+        let former = Calibrator::restore(config.clone(), &stored.calibrator);
+        let mut restored = Self::nothing(config);
+        restored.notes = stored.notes;
+        if former.is_ok_and(|former| former.estimate().reassembly_open) {
+            let stamp = RobotTime(0);
+            let kind = NoteKind::Reassembled;
+            restored.calibrator.step(Event::Note(Note { stamp, kind }));
+        }
+        restored
+    }
+
     /// Makes the initial state of an unknown robot.
     pub fn nothing(config: &CalibratorConfig) -> Self {
         Self {
@@ -137,8 +151,8 @@ impl Restored {
     }
 }
 
-/// Restores a state from `bytes`; returns `None`, and logs it, if they cannot be read or belong to
-/// an estimator of another configuration.
+/// Restores a state from `bytes`; returns `None`, and logs it, if they cannot be read. Of an
+/// estimator of another configuration only notes remain.
 pub fn restore(robot: &RobotId, basis: &Basis, bytes: &[u8]) -> Option<Restored> {
     let stored: Stored = match packed::unpack(bytes) {
         Ok(stored) => stored,
@@ -150,7 +164,7 @@ pub fn restore(robot: &RobotId, basis: &Basis, bytes: &[u8]) -> Option<Restored>
     let config = &basis.calibrator;
     if !stored.config.agrees_with(basis) {
         tracing::info!(robot.id = %robot, "configured otherwise: estimator begins from nothing");
-        return None;
+        return Some(Restored::reported(config, stored));
     }
     let run = stored.verification_run.as_ref();
     let run = run.map(|run| VerificationRun::restore(config, run));

@@ -4,6 +4,7 @@
 mod checkpoints;
 mod checks;
 mod configuration;
+mod good;
 mod heard;
 mod live_checks;
 mod notes;
@@ -18,7 +19,7 @@ use fleetcal_domain::robot::{
     WheelOdometrySignal,
 };
 use fleetcal_estimator::calibrator::TopView;
-use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, RobotTime};
+use fleetcal_estimator::{Calibrator, Effect, Event, RobotTime};
 use fleetcal_model::{ChangeKind, Parameter, ParameterStatus, Stream, Version};
 use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -41,6 +42,7 @@ use crate::stored::{self, Restored};
 use crate::tap::Tapped;
 use crate::top_view;
 use crate::verification_run::VerificationRun;
+use good::Good;
 use heard::Known;
 use live_checks::LiveChecks;
 
@@ -76,9 +78,9 @@ pub struct RobotTask {
     basis: Basis,
     engine: Engine,
     /// Last stored state, the restart point after a panic.
-    pub(crate) last_good: Option<Checkpoint>,
+    last_good: Option<Good>,
     /// State before that one: when two senders are detected, the last may contain data of both.
-    earlier_good: Option<Checkpoint>,
+    earlier_good: Option<Good>,
     /// Detector of two senders that use the robot's id.
     senders: Senders,
     budgets: HistoryBudgets,
@@ -113,7 +115,10 @@ impl RobotTask {
         let reading = ReadingSettings::of(config);
         let basis = config.basis(&fleet.estimator);
         let restored = stored.and_then(|bytes| stored::restore(&robot.id, &basis, bytes));
-        let last_good = restored.as_ref().map(|one| one.calibrator.checkpoint());
+        let last_good = restored.as_ref().map(|one| Good {
+            checkpoint: one.calibrator.checkpoint(),
+            changed: one.changed,
+        });
         let restored = restored.unwrap_or_else(|| Restored::nothing(&basis.calibrator));
         let notes = restored.notes;
         let notes = notes.unwrap_or_else(|| NotesTaken::until(fleet.audited));
@@ -147,8 +152,8 @@ impl RobotTask {
         };
         if task.last_good.is_some() {
             task.show_checks();
-            task.show_restored(restored.candidate);
         }
+        task.show_estimate(restored.candidate);
         // Those that came after it was stored, or while no task was there, are brought now.
         task.robot.set_reassembly_open(task.is_reassembly_open());
         task.robot.set_notes_taken(task.notes.until);
@@ -156,21 +161,21 @@ impl RobotTask {
         task
     }
 
-    /// Shows the restored estimate before the robot sends anything.
-    fn show_restored(&self, candidate: Candidate) {
+    /// Shows the estimate that the task continues from, or nothing where that is of no data.
+    fn show_estimate(&self, candidate: Candidate) {
         let Engine::Running(calibrator) = &self.engine else {
             return;
         };
         let estimate = calibrator.estimate();
-        if estimate.stamp.0 <= 0 {
-            return;
-        }
         let mut document = document::estimate_document(&self.robot.id, &estimate);
-        if document::is_finite(&document) {
+        document.motions = Some(document::motions(calibrator));
+        if estimate.stamp.0 > 0 && document::is_finite(&document) {
             self.place_in_base_link(&mut document);
             self.give_way(&mut document);
             let state = state_of(&document, self.changed);
             self.robot.restore(state, Arc::new(document), candidate);
+        } else {
+            self.robot.show_nothing();
         }
     }
 
@@ -274,10 +279,11 @@ impl RobotTask {
         counts.missing.fetch_add(missing, Ordering::Relaxed);
         counts.of_two_senders.fetch_add(of_two, Ordering::Relaxed);
         if are_two && !were_two {
-            let earlier = self.earlier_good.take();
-            self.begin_from(earlier);
             self.begin_checks();
             self.verification_run = None;
+            self.last_good = self.earlier_good.take();
+            self.begin_from(self.last_good.clone());
+            self.save_checkpoint();
         }
         if are_two != were_two {
             self.warn();
@@ -440,9 +446,12 @@ impl RobotTask {
     fn perform(&mut self, effect: Effect) -> bool {
         match effect {
             Effect::Estimate(estimate) => {
-                let document = document::estimate_document(&self.robot.id, &estimate);
+                let mut document = document::estimate_document(&self.robot.id, &estimate);
                 if !document::is_finite(&document) {
                     return false;
+                }
+                if let Engine::Running(calibrator) = &self.engine {
+                    document.motions = Some(document::motions(calibrator));
                 }
                 self.publish(document);
             }
@@ -516,14 +525,24 @@ impl RobotTask {
         self.record_service_event(ServiceEventKind::EstimatorRestarted, self.newest, note);
     }
 
-    /// Continues from a state, or from nothing in the absence of a usable one.
-    fn begin_from(&mut self, checkpoint: Option<Checkpoint>) {
-        let restored = checkpoint.and_then(|checkpoint| {
-            Calibrator::restore(self.basis.calibrator.clone(), &checkpoint).ok()
+    /// Continues from a state, or from nothing in the absence of a usable one, and shows that. A
+    /// reported reassembly stays open.
+    fn begin_from(&mut self, good: Option<Good>) {
+        let was_open = self.robot.is_reassembly_open();
+        if let Some(good) = &good {
+            self.changed = good.changed;
+        }
+        let restored = good.and_then(|good| {
+            Calibrator::restore(self.basis.calibrator.clone(), &good.checkpoint).ok()
         });
         let calibrator = restored.unwrap_or_else(|| Calibrator::new(self.basis.calibrator.clone()));
         self.engine = Engine::Running(Box::new(calibrator));
         self.top_view = None;
+        self.show_estimate(Candidate::default());
+        if was_open && !self.is_reassembly_open() {
+            self.reopen_reassembly();
+        }
+        self.robot.set_reassembly_open(self.is_reassembly_open());
     }
 
     fn record_service_event(&mut self, kind: ServiceEventKind, stamp: RobotTime, note: String) {

@@ -113,6 +113,7 @@ impl VerificationRun {
         // The values were measured by the LiDAR that they are compared with.
         let compared = without_range_scale(estimate.clone());
         let mut document = document::estimate_document(&robot.id, &compared);
+        document.motions = Some(document::motions(&self.calibrator));
         if let Some(finding) = robot.checks().spoiling() {
             document::give_way(&mut document, finding);
         }

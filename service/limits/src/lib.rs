@@ -253,6 +253,8 @@ pub const HISTORY_SECONDS_KEPT: Duration = Duration::from_hours(3 * 24);
 pub const HISTORY_MINUTES_KEPT: Duration = Duration::from_hours(90 * 24);
 /// Time for which hours of history, and events, are kept after their receipt.
 pub const HISTORY_HOURS_KEPT: Duration = Duration::from_hours(5 * 365 * 24);
+/// Time for which certificates are kept after the verification: five years and their leap days.
+pub const CERTIFICATES_KEPT: Duration = Duration::from_hours((5 * 365 + 2) * 24);
 /// Time for which answers to requests with an `Idempotency-Key` are kept.
 pub const IDEMPOTENCY_KEPT: Duration = Duration::from_hours(24);
 /// Old rows of one kind that are deleted at a time, once a second.
@@ -325,6 +327,8 @@ pub const APPROVED_AT_ONCE_MAX: usize = 500;
 pub const APPROVED_WITHIN: Duration = Duration::from_secs(4);
 /// Rows of the audit in one file.
 pub const AUDIT_FILE_ROWS_MAX: u32 = 100_000;
+/// Certificates in one file.
+pub const CERTIFICATE_FILE_ROWS_MAX: u32 = 100_000;
 /// Rows of a list or a file that are read at once; the next ones follow once the client has
 /// received these.
 pub const LIST_ROWS_AT_ONCE: u32 = 128;
@@ -384,10 +388,17 @@ pub const ZENOH_HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(3);
 /// Zenoh sessions of all peers together. When all places are taken, the owner of the most gives one
 /// to a peer that has fewer.
 pub const ZENOH_SESSIONS_MAX: usize = ROBOTS_MAX;
-/// Zenoh sessions of one address whose peers have no name, as for a fleet behind one gateway.
-pub const ZENOH_SESSIONS_PER_ADDRESS_MAX: usize = ZENOH_SESSIONS_MAX / 4;
-/// Zenoh sessions of one name, by password or certificate, as for a fleet whose robots share one.
-pub const ZENOH_SESSIONS_PER_NAME_MAX: usize = ZENOH_SESSIONS_MAX / 4;
+/// Default number of Zenoh sessions of one address whose peers have no name: a machine that
+/// simulates a fleet, or a small one behind a gateway.
+pub const ZENOH_SESSIONS_PER_ADDRESS_DEFAULT: usize = 64;
+/// Default number of Zenoh sessions of one name, by password or certificate: a robot's agent, its
+/// drivers and tools.
+pub const ZENOH_SESSIONS_PER_NAME_DEFAULT: usize = 16;
+/// Messages that one session can leave unfinished: one on its reliable channel, one on the other.
+pub const ZENOH_UNFINISHED_PER_SESSION_MAX: usize = 2;
+/// Bytes of unfinished messages that all sessions of one owner hold by default.
+pub const ZENOH_UNFINISHED_BYTES_DEFAULT: usize =
+    ZENOH_SESSIONS_PER_ADDRESS_DEFAULT * ZENOH_UNFINISHED_PER_SESSION_MAX * ZENOH_MESSAGE_BYTES_MAX;
 /// Sessions that Zenoh opens beyond, so that one can come while its place is still taken by
 /// another.
 pub const ZENOH_SESSIONS_OPENING_MAX: usize = 256;

@@ -6,13 +6,16 @@ use std::path::PathBuf;
 use serde_json::Value;
 use zenoh::Config;
 
+use crate::setting::value;
+
 /// Returns the first endpoint at which anybody beyond this machine could connect; `None` if peers
 /// need a password or a certificate everywhere, or all endpoints are loopback.
 pub fn open_endpoint(config: &Config) -> Option<String> {
     if password_file(config).is_some() {
         return None;
     }
-    let asks_for_certificates = json(config, "transport/link/tls/enable_mtls") == Value::Bool(true);
+    let asks_for_certificates =
+        value(config, "transport/link/tls/enable_mtls") == Value::Bool(true);
     let is_open = |endpoint: &String| {
         let (protocol, address) = endpoint.split_once('/').unwrap_or(("", endpoint));
         let knows_peers = matches!(protocol, "tls" | "quic") && asks_for_certificates;
@@ -21,13 +24,18 @@ pub fn open_endpoint(config: &Config) -> Option<String> {
     listened_on(config).into_iter().find(is_open)
 }
 
+/// True if others can connect to a session of this configuration.
+pub fn listens(config: &Config) -> bool {
+    !listened_on(config).is_empty()
+}
+
 /// Returns the endpoints that a router of this configuration listens on: the same in every mode, or
 /// by mode.
 fn listened_on(config: &Config) -> Vec<String> {
-    let endpoints = json(config, "listen/endpoints");
+    let endpoints = value(config, "listen/endpoints");
     let of_mode = match &endpoints {
         Value::Object(by_mode) => {
-            let mode = json(config, "mode");
+            let mode = value(config, "mode");
             // What Zenoh is without a mode.
             by_mode.get(mode.as_str().unwrap_or("peer"))
         }
@@ -51,14 +59,9 @@ fn is_loopback(address: &str) -> bool {
 
 /// Returns the file of the passwords by which peers authenticate.
 pub fn password_file(config: &Config) -> Option<PathBuf> {
-    let file = json(config, "transport/auth/usrpwd/dictionary_file");
+    let file = value(config, "transport/auth/usrpwd/dictionary_file");
     let file = file.as_str().filter(|file| !file.is_empty());
     file.map(PathBuf::from)
-}
-
-fn json(config: &Config, key: &str) -> Value {
-    let text = config.get_json(key).unwrap_or_default();
-    serde_json::from_str(&text).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ mod questions;
 mod ros2;
 mod session;
 mod sessions;
+mod setting;
 mod strict;
 
 use std::path::PathBuf;
@@ -67,7 +68,7 @@ pub struct LinkSetup {
     pub keys: Keys,
     /// Settings of the topics of ROS 2 robots.
     pub ros2: Ros2Settings,
-    /// Largest numbers of sessions.
+    /// Largest numbers of sessions; a router that opens fewer has fewer in total.
     pub shares: Shares,
     /// This process's place in a cluster.
     pub membership: Membership,
@@ -195,7 +196,7 @@ impl Link {
         if setup.zenoh_config.is_none() {
             table.close_access_list();
         }
-        let sessions = Sessions::new(setup.shares, fleet.clone(), clock.clone());
+        let sessions = |shares| Sessions::new(shares, fleet.clone(), clock.clone());
         let opened = session::open(&setup, &ros2::access::rules(&table), sessions).await?;
         let session = opened.session.clone();
         let stop = CancellationToken::new();

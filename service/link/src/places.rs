@@ -39,12 +39,26 @@ pub struct Shares {
     pub of_name: usize,
 }
 
+impl Shares {
+    /// Limits the total to that of a router which opens at most `sessions`, with the same part left
+    /// for sessions that wait for a place.
+    #[must_use]
+    pub fn within(self, sessions: usize) -> Self {
+        let opened = limits::ZENOH_SESSIONS_MAX + limits::ZENOH_SESSIONS_OPENING_MAX;
+        let all = sessions.saturating_mul(limits::ZENOH_SESSIONS_MAX) / opened;
+        Self {
+            all: self.all.min(all.max(1)),
+            ..self
+        }
+    }
+}
+
 impl Default for Shares {
     fn default() -> Self {
         Self {
             all: limits::ZENOH_SESSIONS_MAX,
-            of_address: limits::ZENOH_SESSIONS_PER_ADDRESS_MAX,
-            of_name: limits::ZENOH_SESSIONS_PER_NAME_MAX,
+            of_address: limits::ZENOH_SESSIONS_PER_ADDRESS_DEFAULT,
+            of_name: limits::ZENOH_SESSIONS_PER_NAME_DEFAULT,
         }
     }
 }
@@ -74,6 +88,30 @@ impl<C> Places<C> {
         self.open.len()
     }
 
+    /// Describes the owner of the most places when all are taken, else an owner with its full share.
+    pub fn crowded(&self) -> Option<String> {
+        if self.are_all_taken() {
+            let (owner, count) = self.greediest()?;
+            let taken = self.taken();
+            return Some(format!(
+                "all {taken} places of Zenoh sessions are taken, {count} of them by {owner}"
+            ));
+        }
+        let mut owners = self.owners.iter();
+        let (owner, own) = owners.find(|(owner, own)| own.len() >= self.share(owner))?;
+        let count = own.len();
+        Some(format!(
+            "{owner} has {count} Zenoh sessions, which is all of its share"
+        ))
+    }
+
+    fn share(&self, owner: &Owner) -> usize {
+        match owner {
+            Owner::Name(_) => self.shares.of_name,
+            Owner::Address(_) => self.shares.of_address,
+        }
+    }
+
     /// Returns the owner of the most places, and their number.
     pub fn greediest(&self) -> Option<(&Owner, usize)> {
         let owners = self.owners.iter();
@@ -93,11 +131,7 @@ impl<C> Places<C> {
     /// The owner has its full share, or nobody has more.
     pub fn admit(&mut self, owner: Owner, close: C) -> Result<(u64, Option<C>), SessionClosed> {
         let own = self.owners.get(&owner).map_or(0, BTreeSet::len);
-        let share = match owner {
-            Owner::Name(_) => self.shares.of_name,
-            Owner::Address(_) => self.shares.of_address,
-        };
-        if own >= share {
+        if own >= self.share(&owner) {
             return Err(SessionClosed::Share);
         }
         let evicted = if self.are_all_taken() {
@@ -161,9 +195,26 @@ mod tests {
             for _ in 0..4 {
                 assert!(places.admit(owner.clone(), "idle").is_ok());
             }
+            let crowded = format!("{owner} has 4 Zenoh sessions, which is all of its share");
+            if places.taken() < 8 {
+                assert_eq!(places.crowded(), Some(crowded));
+            }
             assert_eq!(places.admit(owner, ""), Err(SessionClosed::Share));
         }
         assert_eq!(places.taken(), 8);
+        let crowded = places.crowded().unwrap();
+        let expected = "all 8 places of Zenoh sessions are taken, 4 of them by ";
+        assert!(crowded.starts_with(expected), "{crowded}");
+    }
+
+    #[test]
+    fn a_router_that_opens_fewer_sessions_has_fewer_places() {
+        let of = |sessions| Shares::default().within(sessions).all;
+        assert_eq!(of(4_352), 4_096);
+        // They are all taken before it opens no more.
+        assert_eq!(of(1_000), 941);
+        assert_eq!((of(0), of(usize::MAX)), (1, 4_096));
+        assert_eq!(places(8).shares.within(4_352), places(8).shares);
     }
 
     #[test]

@@ -11,7 +11,9 @@ use zenoh::internal::runtime::{DynamicRuntime, Runtime, RuntimeBuilder, ZRuntime
 use zenoh::key_expr::OwnedKeyExpr;
 use zenoh::{Config, Session, Wait};
 
+use crate::places::Shares;
 use crate::sessions::Sessions;
+use crate::setting::set;
 use crate::{LinkError, LinkSetup, access, anonymous, bounds, password_file};
 
 /// An open session.
@@ -34,13 +36,15 @@ fn is_router_that_listens(config: &Config) -> bool {
 }
 
 /// Opens the session on a thread of its own, as `zenoh::open` may block for ever. The embedded
-/// router's access list has `more` rules beside those of our own keys.
+/// router's access list has `more` rules beside those of our own keys. `sessions` receives the
+/// largest numbers of sessions of this router.
 pub async fn open(
     setup: &LinkSetup,
     more: &[Value],
-    sessions: Sessions,
+    sessions: impl FnOnce(Shares) -> Sessions,
 ) -> Result<Opened, LinkError> {
     let config = configuration(setup, more)?;
+    let sessions = sessions(setup.shares.within(bounds::sessions_max(&config)));
     let listens = is_router_that_listens(&config);
     let endpoints = match &setup.zenoh_config {
         Some(path) => path.display().to_string(),
@@ -48,6 +52,7 @@ pub async fn open(
     };
     let endpoints = endpoints.trim().to_owned();
     warn_without_list(&config, setup);
+    warn_beyond_bounds(&config);
     let opened = on_own_thread("zenoh-open", move || opened_with(config, sessions));
     match tokio::time::timeout(limits::ZENOH_OPEN_TIMEOUT, opened).await {
         Ok(Some(Ok((session, runtime)))) => Ok(Opened {
@@ -152,7 +157,8 @@ async fn on_own_thread<T: Send + 'static>(
     }
 }
 
-/// Reads a native file unchanged, except for the endpoints given beside it.
+/// Reads a native file unchanged, except for the endpoints given beside it and, for one that
+/// listens, the [`bounds`] that it does not set.
 fn native(path: &Path, setup: &LinkSetup) -> Result<Config, LinkError> {
     let mut config = Config::from_file(path)
         .map_err(|error| LinkError::Config(format!("{}: {error}", path.display())))?;
@@ -164,6 +170,9 @@ fn native(path: &Path, setup: &LinkSetup) -> Result<Config, LinkError> {
         if !endpoints.is_empty() {
             set(&mut config, key, &serde_json::json!(endpoints))?;
         }
+    }
+    if anonymous::listens(&config) {
+        bounds::complete(&mut config)?;
     }
     Ok(config)
 }
@@ -187,10 +196,12 @@ fn warn_without_list(config: &Config, setup: &LinkSetup) {
     }
 }
 
-fn set(config: &mut Config, key: &str, value: &serde_json::Value) -> Result<(), LinkError> {
-    config
-        .insert_json5(key, &value.to_string())
-        .map_err(|error| LinkError::Config(format!("{key} is {value}: {error}")))
+fn warn_beyond_bounds(config: &Config) {
+    if anonymous::listens(config) {
+        for beyond in bounds::beyond(config) {
+            tracing::warn!(%beyond, "the Zenoh configuration lets peers take much memory");
+        }
+    }
 }
 
 /// Configures the embedded router: it listens on the given endpoints, has no discovery, limits

@@ -24,6 +24,8 @@ use crate::places::{Owner, Places, Shares};
 pub struct Sessions(Arc<Inner>);
 
 struct Inner {
+    /// Number of places.
+    all: usize,
     places: Mutex<Places<TransportUnicast>>,
     fleet: FleetHandle,
     clock: SharedClock,
@@ -41,6 +43,7 @@ impl Sessions {
     /// Makes an empty set of sessions, which are closed on the runtime that this is called on.
     pub fn new(shares: Shares, fleet: FleetHandle, clock: SharedClock) -> Self {
         Self(Arc::new(Inner {
+            all: shares.all,
             places: Mutex::new(Places::new(shares)),
             fleet,
             clock,
@@ -79,13 +82,9 @@ impl Inner {
     }
 
     fn report(&self, places: &Places<TransportUnicast>) {
-        let crowded = if places.are_all_taken() {
-            let greediest = places.greediest();
-            greediest.map(|(owner, count)| format!("{owner} has {count} of {}", places.taken()))
-        } else {
-            None
-        };
-        self.fleet.peers().set_open(places.taken(), crowded);
+        self.fleet
+            .peers()
+            .set_open(places.taken(), places.crowded());
     }
 
     fn close(&self, transport: TransportUnicast, reason: SessionClosed, whose: Option<&Owner>) {
@@ -100,10 +99,11 @@ impl Inner {
             match reason {
                 SessionClosed::Share => tracing::warn!(
                     whose,
-                    "too many Zenoh sessions of one name or address: a further one is closed"
+                    "too many Zenoh sessions of one name or address: a further one is closed; \
+                     sessions_per_name and sessions_per_address of fleetcal.toml admit more"
                 ),
                 SessionClosed::Full | SessionClosed::MadeRoom => tracing::warn!(
-                    most = limits::ZENOH_SESSIONS_MAX,
+                    most = self.all,
                     whose,
                     "all places of Zenoh sessions are taken: one is closed"
                 ),
@@ -256,9 +256,10 @@ mod tests {
         drop(free);
         let setup = LinkSetup {
             listen: vec![format!("tcp/127.0.0.1:{port}")],
+            shares: SHARES,
             ..LinkSetup::default()
         };
-        let sessions = Sessions::new(SHARES, fleet.clone(), clock);
+        let sessions = |shares| Sessions::new(shares, fleet.clone(), clock);
         let router = session::open(&setup, &[], sessions).await.unwrap();
 
         // Zenoh connects a client again and again, as an attacker would.
@@ -282,7 +283,8 @@ mod tests {
             assert!(is_connected(robot).await);
         }
         let crowded = fleet.peers().crowded().unwrap();
-        assert_eq!(crowded, "127.0.0.2 has 4 of 8");
+        let expected = "all 8 places of Zenoh sessions are taken, 4 of them by 127.0.0.2";
+        assert_eq!(crowded, expected);
         assert_eq!(fleet.peers().open(), SHARES.all);
 
         for session in idle.into_iter().chain(robots) {

@@ -161,7 +161,7 @@ async fn grant(servers: &Servers, session: &mut Session, role: &str) -> Result<(
             "GRANT EXECUTE ON FUNCTION history_add_day(bigint), history_drop_days(bigint) TO {role}"
         ),
         format!("REVOKE UPDATE, DELETE ON audit, revision FROM {role}"),
-        format!("REVOKE UPDATE ON envelope FROM {role}"),
+        format!("REVOKE UPDATE ON envelope, certificate FROM {role}"),
         format!("REVOKE INSERT, UPDATE, DELETE ON _sqlx_migrations, schema_compatible FROM {role}"),
     ] {
         let statement = Statement {

@@ -210,6 +210,7 @@ impl From<Refused> for Problem {
             Refused::Underway { .. } => conflict("deployment_underway"),
             Refused::Outdated(_) => conflict("proposal_outdated"),
             Refused::ReassemblyOpen => conflict("reassembly_open"),
+            Refused::TwoSenders => conflict("two_senders"),
             Refused::NoMaintenance => conflict("not_in_maintenance"),
             Refused::OutOfLimits { field, .. } => value(field),
             Refused::ReasonMissing => value("reason"),
@@ -267,6 +268,9 @@ impl From<FleetRefused> for Problem {
                 Self::new(StatusCode::CONFLICT, "robot_unregistered", detail)
             }
             FleetRefused::RobotsMax => Self::new(StatusCode::CONFLICT, "fleet_full", detail),
+            FleetRefused::Stopped(_) => {
+                Self::new(StatusCode::CONFLICT, "estimator_stopped", detail)
+            }
             FleetRefused::Elsewhere(_) => {
                 Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_elsewhere", detail)
             }

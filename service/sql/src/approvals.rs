@@ -8,9 +8,10 @@ use fleetcal_model::{DeploymentId, Generation, ProposalId, RevisionId};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::transaction::ApprovalRecords;
-use fleetcal_store::{DeploymentFreeze, StoreError, StoredPolicy};
+use fleetcal_store::{CertificateRecord, DeploymentFreeze, StoreError, StoredPolicy};
 use serde::Serialize;
 
+use super::certificates;
 use super::connection::Connection;
 use super::policy;
 use super::query::query;
@@ -44,6 +45,13 @@ impl ApprovalRecords for SqlRecords<'_> {
 
     async fn save_outcome(&mut self, outcome: &Outcome) -> Result<(), StoreError> {
         save(self.connection, outcome).await
+    }
+
+    async fn save_certificate(
+        &mut self,
+        certificate: &CertificateRecord,
+    ) -> Result<(), StoreError> {
+        certificates::save(self.connection, certificate).await
     }
 
     async fn deployment_freeze(&mut self) -> Result<DeploymentFreeze, StoreError> {

@@ -124,6 +124,11 @@ pub static TABLES: LazyLock<Vec<Table>> =
         table("revision", 1, "id:n record:t"),
         table("proposal", 1, "id:n record:t"),
         table("deployment", 1, "id:n record:t"),
+        table(
+            "certificate",
+            1,
+            "number:n robot:t verified_ns:n approved_by:t record:t",
+        ),
         table("shadow", 1, "robot:t record:t"),
         table("envelope", 2, "robot:t generation:n record:t"),
         table("outbox", 2, "robot:t kind:t generation:n"),

@@ -12,6 +12,7 @@ mod alerts;
 mod answers;
 mod approvals;
 mod audit;
+mod certificates;
 mod connection;
 pub mod copy;
 mod dialect;

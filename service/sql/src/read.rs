@@ -8,14 +8,16 @@ use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
-use fleetcal_model::{AlertId, AuditId, Generation, Parameter, ProposalId, WallTime, WebhookId};
+use fleetcal_model::{
+    AlertId, AuditId, DeploymentId, Generation, Parameter, ProposalId, WallTime, WebhookId,
+};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::backend::{Cell, Reader, Stretch, Tier};
 use fleetcal_store::{
-    AlertFilter, AlertMoment, AuditFilter, AuditRow, CheckpointRecord, CrossTrackRecord,
-    CurrentRecord, DeploymentFreeze, DueDelivery, EventRecord, PackedStatus, ProposalFilter,
-    RobotRecord, StoreError, StoredPolicy,
+    AlertFilter, AlertMoment, AuditFilter, AuditRow, CertificateFilter, CertificateRecord,
+    CheckpointRecord, CrossTrackRecord, CurrentRecord, DeploymentFreeze, DueDelivery, EventRecord,
+    PackedStatus, ProposalFilter, RobotRecord, StoreError, StoredPolicy,
 };
 
 use super::connection::{Connection, Pool, StatementError};
@@ -24,7 +26,7 @@ use super::query::{query, query_scalar};
 use super::row::{column, corrupt, json, parsed, robot_id, robot_time, wall_time};
 use super::statement::Statement;
 use super::value::Row;
-use super::{alerts, events, history, policy, records, robots, webhooks};
+use super::{alerts, certificates, events, history, policy, records, robots, webhooks};
 
 /// Reads estimators' states for [`checkpoint_of`].
 const CHECKPOINTS: &str = "SELECT r.id, c.stamp_ns, c.received_ns, c.state
@@ -285,6 +287,20 @@ impl Reader for SqlReader {
         proposals: &[ProposalId],
     ) -> Result<BTreeMap<ProposalId, DeploymentState>, StoreError> {
         records::followed(&mut self.connection(), proposals).await
+    }
+
+    async fn certificates(
+        &self,
+        filter: &CertificateFilter,
+    ) -> Result<Vec<CertificateRecord>, StoreError> {
+        certificates::certificates(&mut self.connection(), filter).await
+    }
+
+    async fn certificate(
+        &self,
+        number: DeploymentId,
+    ) -> Result<Option<CertificateRecord>, StoreError> {
+        certificates::certificate(&mut self.connection(), number).await
     }
 
     async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError> {

@@ -354,5 +354,10 @@ const fn deletes(aged: Aged) -> &'static [(&'static str, i64)] {
              WHERE ended_ns < $1 ORDER BY ended_ns LIMIT $2)",
             NS_PER_S,
         )],
+        Aged::Certificates => &[(
+            "DELETE FROM certificate WHERE number IN (SELECT number FROM certificate
+             WHERE verified_ns < $1 ORDER BY verified_ns LIMIT $2)",
+            NS_PER_S,
+        )],
     }
 }

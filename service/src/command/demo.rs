@@ -50,6 +50,9 @@ pub struct Arguments {
     /// Seed of the robots' errors and the sensors' noise
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
+    /// Seconds that pass for the robots in one of real time
+    #[arg(long, value_name = "TIMES", default_value_t = NonZeroU32::MIN)]
+    pub rate: NonZeroU32,
 }
 
 /// Runs until SIGTERM or SIGINT.
@@ -88,7 +91,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
             keys: Keys::default(),
             trusted: Some(TrustedKeys::from(service.lifecycle().public_key())),
             start_stamp_ns: clock.now().0,
-            rate: NonZeroU32::MIN,
+            rate: arguments.rate,
         },
         stop.clone(),
     ));

@@ -19,6 +19,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 use fleetcal_command::{
     EXIT_FAILED, EXIT_IO, EXIT_USAGE, agent, calibrate, doctor, odometry, replay, schema, simulate,
+    verify,
 };
 use fleetcal_config::ConfigError;
 use fleetcal_domain::access::{
@@ -83,6 +84,8 @@ pub enum Command {
     Completions(completions::Arguments),
     /// Prints the JSON Schema of a command's output with --json
     Schema(schema::Arguments),
+    /// Checks certificates of verified calibrations, without a service
+    Verify(verify::Arguments),
     /// Writes the manual pages into a folder
     Man(man::Arguments),
 }

@@ -12,7 +12,7 @@ use fleetcal_domain::approval::{
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
 use fleetcal_model::{
-    AlertId, AuditId, Generation, Parameter, ProposalId, UserId, WallTime, WebhookId,
+    AlertId, AuditId, DeploymentId, Generation, Parameter, ProposalId, UserId, WallTime, WebhookId,
 };
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
@@ -20,6 +20,7 @@ use fleetcal_proto::calibration::Envelope;
 use super::accounts::{SessionRecord, TokenRecord, UserRecord};
 use super::alerts::{AlertFilter, AlertMoment};
 use super::approvals::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter};
+use super::certificates::{CertificateFilter, CertificateRecord};
 use super::cluster::ClusterRegistry;
 use super::error::StoreError;
 use super::policy::StoredPolicy;
@@ -217,6 +218,18 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
         &self,
         proposals: &[ProposalId],
     ) -> Result<BTreeMap<ProposalId, DeploymentState>, StoreError>;
+
+    /// Certificates, newest first.
+    async fn certificates(
+        &self,
+        filter: &CertificateFilter,
+    ) -> Result<Vec<CertificateRecord>, StoreError>;
+
+    /// Reads one certificate.
+    async fn certificate(
+        &self,
+        number: DeploymentId,
+    ) -> Result<Option<CertificateRecord>, StoreError>;
 
     /// Reads the deployment freeze.
     async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError>;

@@ -1,6 +1,6 @@
 //! Extent of an evaluation: the whole, or a small one that shows the same in two minutes.
 
-use crate::imperfect::ImperfectExtent;
+use crate::imperfect::{Driven, ImperfectExtent};
 
 /// Number of seeds, and lengths of the runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,9 +36,8 @@ impl Extent {
         imperfect: ImperfectExtent {
             seeds: 4,
             length_s: 600.0,
-            strong: true,
+            driven: Driven::All,
             change_seeds: 2,
-            all_changes: true,
         },
     };
 
@@ -54,10 +53,19 @@ impl Extent {
         imperfect: ImperfectExtent {
             seeds: 2,
             length_s: 180.0,
-            strong: false,
+            driven: Driven::Typical,
             change_seeds: 2,
-            all_changes: false,
         },
+    };
+
+    /// The same less the robots that no claim is about.
+    pub const CLAIMED: Self = Self {
+        name: "claimed",
+        imperfect: ImperfectExtent {
+            driven: Driven::Claimed,
+            ..Self::QUICK.imperfect
+        },
+        ..Self::QUICK
     };
 
     /// Returns the seeds of a case.

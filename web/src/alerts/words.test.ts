@@ -18,7 +18,7 @@ describe('the words of alerts', () => {
     expect(subjectOf({ robot: 'agv_1', robots: [] })).toBe('agv_1');
     expect(subjectOf({ robot: null, robots: ['a', 'b'] })).toBe('2 robots');
     expect(subjectOf({ robot: null, robots: ['a'] })).toBe('1 robot');
-    expect(subjectOf({ robot: null, robots: [] })).toBe('Instances of the service');
+    expect(subjectOf({ robot: null, robots: [] })).toBe('Service');
   });
 
   it('name a robot as the fleet does, whatever became of it since', () => {

@@ -40,6 +40,12 @@ export const KINDS: Record<AlertKind, Face> = {
     tone: 'warn',
     meaning: 'The clock of an instance is more than 1 s from that of the database.',
   },
+  sessions_full: {
+    word: 'Sessions full',
+    shape: 'full',
+    tone: 'warn',
+    meaning: 'All Zenoh sessions of the service, or of one name or address, are taken.',
+  },
 };
 
 export const STATES: Record<AlertState, Face> = {
@@ -76,9 +82,9 @@ export const STATES: Record<AlertState, Face> = {
   },
 };
 
-/** Returns the subject of an alert: a robot, several robots, or the service's instances. */
+/** Returns the subject of an alert: a robot, several robots, or the service. */
 export function subjectOf({ robot, robots }: Pick<Alert, 'robot' | 'robots'>): string {
   if (robot != null) return robot;
-  if (robots.length === 0) return 'Instances of the service';
+  if (robots.length === 0) return 'Service';
   return robots.length === 1 ? '1 robot' : `${robots.length} robots`;
 }

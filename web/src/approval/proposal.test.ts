@@ -147,10 +147,11 @@ describe('the present estimate', () => {
     const still = presentOf(proposed, robot(0.0304));
     expect(still).toMatchObject({ holds: true });
     expect(still?.sigmas).toBeCloseTo(0.4);
-    expect(presentOf(proposed, robot(0.0342))).toMatchObject({
-      holds: false,
-      moved: 'steering_offset',
-    });
+    // By the word of the service alone: it knows more than the four values.
+    const outdated = { ...proposed, outdated: 'the present estimate differs from the proposal' };
+    expect(presentOf(outdated, robot(0.0342))).toMatchObject({ holds: false });
+    expect(presentOf(proposed, robot(0.0342))).toMatchObject({ holds: true });
+    expect(presentOf(outdated, robot(0.0304))).toMatchObject({ holds: false });
   });
 
   it('holds nothing against an estimate that is not known', () => {

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
-import type { HistorySeries } from '../api/types';
+import type { HistorySeries, ParameterStatus, Robot } from '../api/types';
 import type { AppliedStep } from '../robot/applied';
-import { deviations } from './deviation';
+import { along, deviationOf, deviations } from './deviation';
 
 const values = (lidar_x_m: number) => ({
   steering_offset_rad: 0,
@@ -38,5 +38,61 @@ describe('the deviation of a week', () => {
   it('knows no more than the steps do', () => {
     expect(rounded([step('2026-01-02T12:00:00Z', 2, 1.03)], 1.03)).toEqual([null, null, 0.1]);
     expect(rounded([step('2026-01-02T12:00:00Z', 0, 1)], 1)[0]).toBe(3);
+  });
+});
+
+describe('the deviation of a robot', () => {
+  const robot = (
+    found: [offset_deg: number, x_m: number, yaw_deg: number],
+    statuses: ParameterStatus[] = [],
+  ) => {
+    const [offset_deg, x_m, yaw_deg] = found;
+    const parameter = (value: number, i: number) => ({
+      value,
+      sigma: 0.001,
+      status: statuses[i] ?? 'converged',
+    });
+    const degree = Math.PI / 180;
+    return {
+      calibration: { in_use: values(1) },
+      estimate: {
+        parameters: {
+          steering_offset: parameter(offset_deg * degree, 0),
+          lidar_x: parameter(x_m, 1),
+          lidar_y: parameter(0, 2),
+          lidar_yaw: parameter(yaw_deg * degree, 3),
+        },
+      },
+    } as unknown as Robot;
+  };
+
+  it('is that of the value which is farthest, in tolerances', () => {
+    const { each, worst, name } = deviationOf(robot([-0.3, 1.005, 0.075]), tolerance);
+    expect(each.map((one) => Number(one?.toFixed(3)))).toEqual([2, 0.5, 0, 0.5]);
+    expect(worst).toBeCloseTo(2);
+    expect(name).toBe('steering_offset');
+  });
+
+  it('is nothing while the estimate, the values in use or the tolerance are not known', () => {
+    const none = { each: [null, null, null, null], worst: null, name: null };
+    expect(deviationOf(robot([1, 1, 1]), undefined)).toEqual(none);
+    const unsaid = { ...robot([1, 1, 1]), calibration: { in_use: null } } as unknown as Robot;
+    expect(deviationOf(unsaid, tolerance)).toEqual(none);
+    const unheard = { calibration: { in_use: values(1) } } as unknown as Robot;
+    expect(deviationOf(unheard, tolerance)).toEqual(none);
+  });
+
+  it('leaves out what is not converged', () => {
+    const { each, name } = deviationOf(robot([3, 1.005, 0], ['learning']), tolerance);
+    expect(each[0]).toBeNull();
+    expect(name).toBe('lidar_x');
+  });
+
+  it('has a scale that ends', () => {
+    expect(along(0)).toBe(0);
+    expect(along(1)).toBeCloseTo(0.25);
+    expect(along(3)).toBeCloseTo(0.5);
+    expect(along(15)).toBe(1);
+    expect(along(400)).toBe(1);
   });
 });

@@ -1,9 +1,10 @@
 /** Deviation of a robot's estimate from the calibration in use at the time. */
 
-import type { HistoryDocument, Tolerance, Values } from '../api/types';
+import type { HistoryDocument, Robot, Tolerance, Values } from '../api/types';
 import type { AppliedStep } from '../robot/applied';
 import { CALIBRATED } from '../units/parameters';
-import { accepted, difference, valueOf } from '../units/values';
+import { accepted, type Calibrated, difference, valueOf } from '../units/values';
+import { againstApplied } from './comparison';
 
 /**
  * Returns the calibration in use by a robot at a time. Without steps nothing was ever deployed, and
@@ -44,4 +45,47 @@ export function deviations(
     }
     return worst;
   });
+}
+
+/** End of the scale of bars and sparklines, tolerances. */
+const SCALE_END = 15;
+
+/**
+ * Returns the place of a deviation on that scale, 0 to 1. All bars and lines share it, so that they
+ * can be compared; it is a logarithm, so that a slow drift shows beside a knock.
+ */
+export function along(tolerances: number): number {
+  return Math.min(1, Math.log1p(tolerances) / Math.log1p(SCALE_END));
+}
+
+/** Deviation of a robot's estimate from the calibration in use, in tolerances. */
+export interface Deviation {
+  /** Size for each value, in the order of {@link CALIBRATED}; null for one that is not known. */
+  each: (number | null)[];
+  /** Largest of these; null while none is known. */
+  worst: number | null;
+  /** Name of that value. */
+  name: Calibrated | null;
+}
+
+/**
+ * Returns the signed deviation of each value from the calibration in use, in tolerances; null for a
+ * value that is not converged or has nothing to compare with. The API has no such figure: it is the
+ * pages' own, computed from the estimate, the values in use and the tolerance (`propose_beyond`).
+ */
+export function tolerancesOff(robot: Robot, tolerance: Tolerance | undefined): (number | null)[] {
+  const compared = againstApplied(robot, tolerance);
+  return CALIBRATED.map((name, i) => {
+    const change = compared?.[i]?.change ?? null;
+    const known = robot.estimate?.parameters[name].status === 'converged';
+    return tolerance && known && change !== null ? change / accepted(tolerance, name) : null;
+  });
+}
+
+/** Returns the present deviation of a robot. */
+export function deviationOf(robot: Robot, tolerance: Tolerance | undefined): Deviation {
+  const each = tolerancesOff(robot, tolerance).map((one) => one && Math.abs(one));
+  const worst = Math.max(-1, ...each.map((one) => one ?? -1));
+  if (worst < 0) return { each, worst: null, name: null };
+  return { each, worst, name: CALIBRATED[each.indexOf(worst)] ?? null };
 }

@@ -6,7 +6,7 @@ import type { Face } from '../ui/face';
 export const STATUSES: Record<ParameterStatus, Omit<Face, 'meaning'>> = {
   converged: { word: 'converged', shape: 'check', tone: 'good' },
   learning: { word: 'learning', shape: 'half', tone: 'active' },
-  unobservable: { word: 'unobservable', shape: 'ring', tone: 'warn' },
+  unobservable: { word: 'unobservable', shape: 'ring', tone: 'quiet' },
   fixed: { word: 'fixed', shape: 'dash', tone: 'quiet' },
   off: { word: 'off', shape: 'dash', tone: 'quiet' },
 };

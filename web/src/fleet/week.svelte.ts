@@ -40,6 +40,20 @@ export class Week {
   }
 }
 
+/**
+ * Span of every line, s: a week as soon as one of the robots is older than the shorter span, so that
+ * all lines cover the same time.
+ */
+class Span {
+  s = $state(YOUNG_S);
+
+  get words(): string {
+    return this.s === WEEK_S ? '7 d' : '3 h';
+  }
+}
+
+export const span = new Span();
+
 const weeks = new Map<string, Week>();
 const rows = new WeakMap<Element, { week: Week; robot: Robot }>();
 const queue: { week: Week; robot: Robot }[] = [];
@@ -72,7 +86,9 @@ async function read(week: Week, robot: Robot): Promise<void> {
       max_points: String(POINTS_MAX),
     });
     week.history = (await get<HistoryDocument>(`${robotUrl(robot.id)}/history?${query}`)).body;
-    if (week.history.time.length >= POINTS_MIN) return;
+    if (week.history.time.length < POINTS_MIN) continue;
+    span.s = Math.max(span.s, span_s);
+    return;
   }
 }
 
@@ -104,14 +120,33 @@ function want(row: { week: Week; robot: Robot }): void {
 }
 
 let observer: IntersectionObserver | undefined;
+/** Visible rows, whose weeks are read again. */
+const seen = new Set<Element>();
+let again: ReturnType<typeof setInterval> | undefined;
+
+function see(element: Element, isSeen: boolean): void {
+  const row = rows.get(element);
+  if (isSeen) seen.add(element);
+  else seen.delete(element);
+  if (isSeen && row) want(row);
+  if (seen.size === 0) {
+    clearInterval(again);
+    again = undefined;
+  }
+  again ??= seen.size === 0 ? undefined : setInterval(wantSeen, FRESH_YOUNG_MS);
+}
+
+function wantSeen(): void {
+  for (const element of seen) {
+    const row = rows.get(element);
+    if (row) want(row);
+  }
+}
 
 function observe(element: Element): void {
   observer ??= new IntersectionObserver(
     (entries) => {
-      for (const { isIntersecting, target } of entries) {
-        const row = rows.get(target);
-        if (isIntersecting && row) want(row);
-      }
+      for (const { isIntersecting, target } of entries) see(target, isIntersecting);
     },
     { rootMargin: MARGIN },
   );
@@ -119,10 +154,18 @@ function observe(element: Element): void {
 }
 
 /** Reads the week of `robot` while its element is visible. */
-export function whenSeen(element: Element, robot: Robot): { destroy(): void } {
-  rows.set(element, { week: weekOf(robot.id), robot });
+export function whenSeen(
+  element: Element,
+  robot: Robot,
+): { update(robot: Robot): void; destroy(): void } {
+  const keep = (one: Robot) => rows.set(element, { week: weekOf(one.id), robot: one });
+  keep(robot);
   observe(element);
   return {
-    destroy: () => observer?.unobserve(element),
+    update: keep,
+    destroy: () => {
+      observer?.unobserve(element);
+      see(element, false);
+    },
   };
 }

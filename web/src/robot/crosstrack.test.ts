@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import type { CrossTrackErrors, CrossTrackItem } from '../api/types';
-import { beforeAfter, crossTrackCsv } from './crosstrack';
+import { beforeAfter, crossTrackCsv, gainOf } from './crosstrack';
 
 const item = (generation: number, bins: number[]): CrossTrackItem => ({
   generation,
@@ -30,6 +30,22 @@ describe('cross-track errors', () => {
     expect(beforeAfter(errors([]))).toBeNull();
     expect(beforeAfter(errors([item(0, [0, 0])]))).toBeNull();
     expect(beforeAfter(errors([item(0, [1, 0])]))?.before).toBeNull();
+  });
+
+  it('say what the present calibration has done, also where it did harm', () => {
+    const of = (before_m: number, now_m: number) =>
+      gainOf(
+        beforeAfter(
+          errors([
+            { ...item(0, [1]), rms_m: before_m },
+            { ...item(1, [1]), rms_m: now_m },
+          ]),
+        ),
+      );
+    expect(of(0.02, 0.005)).toEqual({ before_mm: 20, now_mm: 5, less: 0.75 });
+    expect(of(0.01, 0.015)?.less).toBeCloseTo(-0.5);
+    expect(gainOf(beforeAfter(errors([item(0, [1])])))).toMatchObject({ less: null });
+    expect(gainOf(null)).toBeNull();
   });
 
   it('go into a CSV file with a column for each calibration', () => {

@@ -57,3 +57,21 @@ export function crossTrackCsv({ items, bin_width_m, from_m }: CrossTrackErrors):
   ]);
   return [head, ...rows].map((row) => row.join(',')).join('\r\n') + '\r\n';
 }
+
+/** Effect of the present calibration on the robot's path following. */
+export interface Gain {
+  /** RMS with the former calibration, mm; null while the robot has used only one. */
+  before_mm: number | null;
+  /** RMS with the present one, mm. */
+  now_mm: number;
+  /** Reduction, as a share; below zero for an increase. */
+  less: number | null;
+}
+
+/** Returns the gain from the errors of both; null while nothing was reported. */
+export function gainOf(found: BeforeAfter | null): Gain | null {
+  if (!found) return null;
+  const now_mm = found.after.rms_m * 1000;
+  const before_mm = found.before ? found.before.rms_m * 1000 : null;
+  return { before_mm, now_mm, less: before_mm ? 1 - now_mm / before_mm : null };
+}

@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import type { RobotEvent } from '../api/types';
-import { eventFace, eventMarks, eventText, joined } from './events';
+import { eventFace, eventMarks, wordsAt, eventText, joined } from './events';
 
 const event: RobotEvent = {
   id: 1,
@@ -27,6 +27,12 @@ describe('an event', () => {
     expect(told('vehicle')).toContain('pushed, towed or lifted');
   });
 
+  it('is never in amber, which asks a person to act', () => {
+    for (const kind of ['applied', 'reassembled', 'rolled_back', 'maintenance']) {
+      expect(eventFace(kind).tone).toBe('ink');
+    }
+  });
+
   it('keeps the words of a person', () => {
     expect(eventText({ ...event, details: null, note: 'New bracket' })).toBe('New bracket');
   });
@@ -36,7 +42,16 @@ describe('an event', () => {
   });
 
   it('marks its time on the charts', () => {
-    expect(eventMarks([event])).toEqual([{ t_s: Date.parse(event.time) / 1000, tone: 'bad' }]);
+    expect(eventMarks([event])).toEqual([
+      { t_s: Date.parse(event.time) / 1000, tone: 'bad', word: 'Calibration changed' },
+    ]);
+  });
+
+  it('is named by the cursor that is near, once', () => {
+    const marks = eventMarks([event, { ...event, kind: 'applied' }, event]);
+    const at_s = marks[0]?.t_s ?? 0;
+    expect(wordsAt(marks, at_s + 4, 5)).toEqual(['Calibration changed', 'Applied by the robot']);
+    expect(wordsAt(marks, at_s + 6, 5)).toEqual([]);
   });
 });
 

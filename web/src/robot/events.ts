@@ -15,8 +15,8 @@ const KINDS: Record<EventKind, EventFace> = {
   calibration_confirmed: { word: 'Calibration confirmed', tone: 'quiet' },
   calibration_learned: { word: 'Calibration learned', tone: 'quiet' },
   fault: { word: 'Sensor fault', tone: 'bad' },
-  reassembled: { word: 'Reassembled', tone: 'warn' },
-  maintenance: { word: 'Maintenance', tone: 'warn' },
+  reassembled: { word: 'Reassembled', tone: 'ink' },
+  maintenance: { word: 'Maintenance', tone: 'ink' },
   power_on: { word: 'Switched on', tone: 'quiet' },
   session_started: { word: 'New session', tone: 'quiet' },
   service_started: { word: 'Service started', tone: 'quiet' },
@@ -28,13 +28,13 @@ const KINDS: Record<EventKind, EventFace> = {
   proposal_closed: { word: 'Proposal closed', tone: 'quiet' },
   proposal_refreshed: { word: 'Proposal refreshed', tone: 'quiet' },
   offered: { word: 'Sent to the robot', tone: 'quiet' },
-  applied: { word: 'Applied by the robot', tone: 'warn' },
+  applied: { word: 'Applied by the robot', tone: 'ink' },
   not_applied: { word: 'Robot did not apply', tone: 'bad' },
   verified: { word: 'Verified', tone: 'quiet' },
   verification_failed: { word: 'Verification failed', tone: 'bad' },
   inconclusive: { word: 'Inconclusive: not enough driving', tone: 'quiet' },
-  rolling_back: { word: 'Rolling back', tone: 'warn' },
-  rolled_back: { word: 'Rolled back', tone: 'warn' },
+  rolling_back: { word: 'Rolling back', tone: 'ink' },
+  rolled_back: { word: 'Rolled back', tone: 'ink' },
   rollback_failed: { word: 'Rollback failed', tone: 'bad' },
 };
 
@@ -106,10 +106,16 @@ function changes(change: unknown): [name: string, by: number][] {
 
 /** Returns the marks of events on a chart. */
 export function eventMarks(events: readonly RobotEvent[]): EventMark[] {
-  return events.map((event) => ({
-    t_s: Date.parse(event.time) / 1000,
-    tone: eventFace(event.kind).tone,
-  }));
+  return events.map((event) => {
+    const { word, tone } = eventFace(event.kind);
+    return { t_s: Date.parse(event.time) / 1000, tone, word };
+  });
+}
+
+/** Returns the names of events within `near_s` of a time, each once, oldest first. */
+export function wordsAt(marks: readonly EventMark[], t_s: number, near_s: number): string[] {
+  const near = marks.filter((mark) => Math.abs(mark.t_s - t_s) <= near_s);
+  return [...new Set(near.toSorted((a, b) => a.t_s - b.t_s).map(({ word }) => word))];
 }
 
 /** True if both are the same event: one of the stream has no number, and may be completed later. */

@@ -31,6 +31,8 @@ export class History {
   events = $state.raw<RobotEvent[]>([]);
   /** Time under the cursor of all charts, s since 1970. */
   cursor_s = $state<number | null>(null);
+  /** True if a key has put it there: it then stays at its time while the charts move on. */
+  #isPinned = false;
   #series = new Map<ParameterName, Series>();
   #window: Window;
   #reading: AbortController | undefined;
@@ -49,6 +51,22 @@ export class History {
     return this.#series.get(name) ?? EMPTY;
   }
 
+  /** Puts the cursor at a time by a key, or takes it away. */
+  pin(t_s: number | null): void {
+    this.cursor_s = t_s;
+    this.#isPinned = t_s !== null;
+  }
+
+  /** Takes the cursor of a chart, which follows the pointer, unless a key has put it elsewhere. */
+  hover(t_s: number | null): void {
+    if (!this.#isPinned) this.cursor_s = t_s;
+  }
+
+  /** Time at which a key has put the cursor, or null. */
+  get pinned_s(): number | null {
+    return this.#isPinned ? this.cursor_s : null;
+  }
+
   /** Returns the stretch of time that the charts show. */
   extent(): [from_s: number, to_s: number] {
     const t_s = this.series('steering_offset').t_s;
@@ -59,7 +77,7 @@ export class History {
   show(window: Window): void {
     if (sameWindow(window, this.#window)) return;
     this.#window = window;
-    this.cursor_s = null;
+    this.pin(null);
     void this.load();
   }
 
@@ -107,10 +125,9 @@ export class History {
     this.events = joined(this.events, [event]);
   }
 
-  /** Reads everything, and again periodically; returns a function that stops it. */
+  /** Reads the window, and again periodically; returns a function that stops it. */
   run(): () => void {
     void this.load();
-    void this.loadEvents();
     const timer = setInterval(() => {
       if (!this.#follows()) void this.load();
     }, REREAD_EVERY_MS);

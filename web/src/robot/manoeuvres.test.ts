@@ -10,13 +10,32 @@ describe('the recommended manoeuvres', () => {
     expect(introduction([], false)).toMatch(/^All parameters converged\./);
     // A fresh robot: none of the sigmas is too large, and two parameters are learning.
     expect(introduction(['lidar_x', 'lidar_y'], false)).toBe(
-      'Not converged yet: LiDAR x, LiDAR y. Ranked by information per metre.',
+      'Not converged yet: LiDAR x, LiDAR y. Ranked by information per metre, after what these need.',
     );
     expect(introduction([], true)).not.toContain('converged');
   });
 
+  it('begin with what the top of the page asks for', () => {
+    const items = ['two stops', 'a left turn', 'a figure-eight'].map((instruction) => ({
+      ...manoeuvre(instruction, 0, 0.5),
+      instruction,
+    }));
+    const order = (needs: string[]) => telling(items, needs).map(({ name }) => name);
+    expect(order(['a figure-eight', 'more driving'])).toEqual([
+      'a figure-eight',
+      'two stops',
+      'a left turn',
+    ]);
+    expect(order(['a left turn', 'a figure-eight'])).toEqual([
+      'a left turn',
+      'a figure-eight',
+      'two stops',
+    ]);
+    expect(order([])).toEqual(items.map(({ name }) => name));
+  });
+
   it('leave out what would tell nothing', () => {
-    const names = (...items: Manoeuvres['items']) => telling(items).map(({ name }) => name);
+    const names = (...items: Manoeuvres['items']) => telling(items, []).map(({ name }) => name);
     const [turn, stop] = [manoeuvre('turn', 0, 0.31), manoeuvre('stop', 0, 0.04)];
     expect(names(turn, stop)).toEqual(['turn']);
     expect(names(stop)).toEqual([]);

@@ -9,12 +9,20 @@ const REDUCTION_MIN = 0.005;
 /** Information below which 0.0 bits are printed. */
 const BITS_MIN = 0.05;
 
-/** Returns the informative ones of `items`: a driver is not sent to drive without gain. */
-export function telling(items: Manoeuvres['items']): Manoeuvres['items'] {
+/**
+ * Returns the informative ones of `items`: a driver is not sent to drive without gain. What a
+ * parameter needs comes first, in the order of `needs`, so that the list begins with the next step
+ * at the top of the page; the others stay in the order of the ranking.
+ */
+export function telling(items: Manoeuvres['items'], needs: readonly string[]): Manoeuvres['items'] {
   const reduces = reducesUncertainty(items);
-  return items.filter(({ uncertainty_taken, information_bits }) =>
-    reduces ? uncertainty_taken > REDUCTION_MIN : information_bits >= BITS_MIN,
+  const needed = needs.flatMap((need) => items.filter(({ instruction }) => instruction === need));
+  const others = items.filter(
+    (item) =>
+      !needed.includes(item) &&
+      (reduces ? item.uncertainty_taken > REDUCTION_MIN : item.information_bits >= BITS_MIN),
   );
+  return [...needed, ...others];
 }
 
 /** True if any of them would reduce a sigma that is too large. */
@@ -38,9 +46,7 @@ export function nothingToDrive(wanted: readonly ParameterName[]): string {
  */
 export function introduction(wanted: readonly ParameterName[], reduces: boolean): string {
   const open = labels(wanted);
-  const ranked = reduces
-    ? 'Ranked by uncertainty reduction per metre.'
-    : 'Ranked by information per metre.';
-  if (open !== '') return `Not converged yet: ${open}. ${ranked}`;
-  return reduces ? ranked : `All parameters converged. ${ranked}`;
+  const by = `Ranked by ${reduces ? 'uncertainty reduction' : 'information'} per metre`;
+  if (open !== '') return `Not converged yet: ${open}. ${by}, after what these need.`;
+  return reduces ? `${by}.` : `All parameters converged. ${by}.`;
 }

@@ -12,13 +12,17 @@ const POINT_SIZE = 3.5;
 /** A mark of an event. */
 export interface EventMark {
   t_s: number;
-  tone: 'bad' | 'warn' | 'quiet';
+  tone: 'bad' | 'ink' | 'quiet';
+  /** Name of the event, in two or three words. */
+  word: string;
 }
 
 /** Lines beside the estimate, in shown units. */
 export interface Levels {
   /** Applied values, as steps in time. */
   applied: readonly { t_s: number; value: number | null }[];
+  /** Tolerance around the applied values; null without one. */
+  tolerance: number | null;
   /** Proposed value; null without one. */
   proposed: number | null;
 }
@@ -31,6 +35,8 @@ export interface PlotHost {
   values(): [number, number];
   marks(): readonly EventMark[];
   levels(): Levels;
+  /** Returns the stretches in which the value was not known. */
+  unknown(): readonly [from_s: number, to_s: number][];
   /** Called when the cursor moved to a time, or left. */
   cursor(t_s: number | null): void;
   /** Called when a stretch of time was selected with the mouse. */
@@ -62,37 +68,116 @@ function drawMarks(
   ctx.restore();
 }
 
-/** Draws the applied values as a step line, and the proposed one as a dashed line. */
+/** Dots and dashes: applied values differ from the estimate without colour. */
+const APPLIED_DASHES = [9, 3, 2, 3];
+const PROPOSED_DASHES = [6, 4];
+
+/** Returns start, end and height of each applied value, px. */
+function appliedSpans(
+  plot: uPlot,
+  applied: Levels['applied'],
+): [from: number, to: number, y: number][] {
+  const { left, width } = plot.bbox;
+  return applied.flatMap(({ t_s, value }, i) => {
+    if (value === null) return [];
+    const next = applied[i + 1];
+    const from = Math.max(left, plot.valToPos(t_s, 'x', true));
+    const to = next ? Math.min(left + width, plot.valToPos(next.t_s, 'x', true)) : left + width;
+    return to > from ? [[from, to, plot.valToPos(value, 'y', true)]] : [];
+  });
+}
+
+/** Draws the tolerance around applied values, under everything else. */
+function drawTolerance(plot: uPlot, { applied, tolerance }: Levels, fill: string): void {
+  if (tolerance === null) return;
+  const half = Math.abs(plot.valToPos(tolerance, 'y', true) - plot.valToPos(0, 'y', true));
+  clip(plot);
+  plot.ctx.fillStyle = fill;
+  for (const [from, to, y] of appliedSpans(plot, applied)) {
+    plot.ctx.fillRect(from, y - half, to - from, 2 * half);
+  }
+  plot.ctx.restore();
+}
+
+/** Draws a word at the end of a line, over or under it; at the end of the axis on the other side. */
+function drawLabel(
+  plot: uPlot,
+  text: string,
+  [y, isOver]: [y: number, isOver: boolean],
+  colours: LevelColours,
+): void {
+  const { ctx, bbox } = plot;
+  const ratio = devicePixelRatio;
+  const room = 20 * ratio;
+  const over = isOver ? y - room > bbox.top : y + room > bbox.top + bbox.height;
+  const at = [bbox.left + bbox.width - 4 * ratio, over ? y - room / 2 : y + room / 2] as const;
+  ctx.font = AXIS_FONT.replace(/^\d+/, (size) => String(Number(size) * ratio));
+  ctx.textAlign = 'right';
+  ctx.textBaseline = 'middle';
+  ctx.setLineDash([]);
+  ctx.lineWidth = 4 * ratio;
+  ctx.strokeStyle = colours.surface;
+  ctx.fillStyle = colours.applied;
+  ctx.strokeText(text, ...at);
+  ctx.fillText(text, ...at);
+}
+
+/** Draws the applied values as a step line and the proposed one as a level line, each with its word. */
 function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelColours): void {
   const { ctx, bbox } = plot;
   const right = bbox.left + bbox.width;
+  const spans = appliedSpans(plot, applied);
+  const dashes = (pattern: readonly number[]) => {
+    ctx.setLineDash(pattern.map((length) => length * devicePixelRatio));
+  };
   clip(plot);
   ctx.lineWidth = 1.5 * devicePixelRatio;
   ctx.strokeStyle = colours.applied;
+  dashes(APPLIED_DASHES);
   ctx.beginPath();
-  let drawing = false;
-  applied.forEach(({ t_s, value }, i) => {
-    if (value === null) {
-      drawing = false;
-      return;
-    }
-    const from = Math.max(bbox.left, plot.valToPos(t_s, 'x', true));
-    const next = applied[i + 1];
-    const to = next ? Math.min(right, plot.valToPos(next.t_s, 'x', true)) : right;
-    const y = plot.valToPos(value, 'y', true);
-    if (drawing) ctx.lineTo(from, y);
+  spans.forEach(([from, to, y], i) => {
+    if (spans[i - 1]?.[1] === from) ctx.lineTo(from, y);
     else ctx.moveTo(from, y);
     ctx.lineTo(to, y);
-    drawing = true;
   });
   ctx.stroke();
-  if (proposed !== null) {
-    const y = plot.valToPos(proposed, 'y', true);
+  const proposed_y = proposed === null ? null : plot.valToPos(proposed, 'y', true);
+  const last = spans.at(-1);
+  const applied_y = last && last[1] === right ? last[2] : null;
+  // Each word is on the side that the other line is not on.
+  const isAppliedOver = proposed_y === null || applied_y === null || applied_y <= proposed_y;
+  if (applied_y !== null) drawLabel(plot, 'applied', [applied_y, isAppliedOver], colours);
+  if (proposed_y !== null) {
+    const y = proposed_y;
+    ctx.lineWidth = 1.5 * devicePixelRatio;
     ctx.strokeStyle = colours.proposed;
-    ctx.setLineDash([6 * devicePixelRatio, 4 * devicePixelRatio]);
+    dashes(PROPOSED_DASHES);
     ctx.beginPath();
     ctx.moveTo(bbox.left, y);
     ctx.lineTo(right, y);
+    ctx.stroke();
+    drawLabel(plot, 'proposed', [y, !isAppliedOver || applied_y === null], colours);
+  }
+  ctx.restore();
+}
+
+/** Draws a row of dots along the axis where the value was not known. */
+function drawUnknown(
+  plot: uPlot,
+  stretches: readonly [from_s: number, to_s: number][],
+  stroke: string,
+): void {
+  const { ctx, bbox } = plot;
+  const y = bbox.top + bbox.height - 4 * devicePixelRatio;
+  clip(plot);
+  ctx.lineCap = 'round';
+  ctx.lineWidth = 2 * devicePixelRatio;
+  ctx.strokeStyle = stroke;
+  ctx.setLineDash([0, 6 * devicePixelRatio]);
+  for (const [from_s, to_s] of stretches) {
+    ctx.beginPath();
+    ctx.moveTo(plot.valToPos(from_s, 'x', true), y);
+    ctx.lineTo(plot.valToPos(to_s, 'x', true), y);
     ctx.stroke();
   }
   ctx.restore();
@@ -134,6 +219,8 @@ function drawIsolated(plot: uPlot, bucket_s: number, stroke: string): void {
 interface LevelColours {
   applied: string;
   proposed: string;
+  /** Background of a word that stands over lines. */
+  surface: string;
 }
 
 function drawShape(
@@ -150,7 +237,7 @@ function drawShape(
     ctx.lineTo(x, y + size);
     ctx.lineTo(x - size, y);
     ctx.closePath();
-  } else if (tone === 'warn') {
+  } else if (tone === 'ink') {
     ctx.rect(x - size * 0.8, y - size * 0.8, size * 1.6, size * 1.6);
   } else {
     ctx.arc(x, y, size * 0.7, 0, 2 * Math.PI);
@@ -171,8 +258,12 @@ export function plot(
   host: PlotHost,
 ): uPlot {
   const accent = colour('--accent');
-  const colours = { bad: colour('--bad'), warn: colour('--warn'), quiet: colour('--ink-faint') };
-  const levelColours = { applied: colour('--ink'), proposed: colour('--accent') };
+  const colours = { bad: colour('--bad'), ink: colour('--ink'), quiet: colour('--ink-faint') };
+  const levelColours = {
+    applied: colour('--ink'),
+    proposed: colour('--accent'),
+    surface: colour('--surface'),
+  };
   const axis: uPlot.Axis = {
     stroke: colours.quiet,
     font: AXIS_FONT,
@@ -206,7 +297,7 @@ export function plot(
       { ...hidden },
       { ...hidden },
       { ...hidden },
-      { stroke: accent, width: 1.75, points: { show: false } },
+      { stroke: accent, width: 2, points: { show: false } },
     ],
     bands: [
       { series: [1, 2], fill: faded(accent, 0.16) },
@@ -219,7 +310,9 @@ export function plot(
       drag: { x: true, y: false, setScale: false },
     },
     hooks: {
+      drawAxes: [(u) => drawTolerance(u, host.levels(), faded(levelColours.applied, 0.07))],
       draw: [
+        (u) => drawUnknown(u, host.unknown(), colours.quiet),
         (u) => drawIsolated(u, host.bucket_s(), accent),
         (u) => drawLevels(u, host.levels(), levelColours),
         (u) => drawMarks(u, host.marks(), colours),

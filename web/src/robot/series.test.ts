@@ -9,6 +9,7 @@ import {
   nearest,
   type Series,
   allSeries,
+  unknownStretches,
 } from './series';
 
 function series(times: number[], means: number[], sigma = 0.001): Series {
@@ -44,16 +45,27 @@ describe('columns of a chart', () => {
 });
 
 describe('an unobservable value', () => {
-  it('is only what was assumed: it has a band, no line, and no say in the axis', () => {
+  it('is only what was assumed: nothing of it is drawn, and it has no say in the axis', () => {
     const unknown = series([0, 1], [0, 0.434], 0.0005);
     unknown.status[0] = 'unobservable';
     unknown.sigma[0] = 1;
     const data = columns(unknown, 'lidar_x', 1);
     expect(data[5]).toEqual([null, 434]);
-    expect(data[1][0]).toBe(2000);
+    expect(data.map((column) => column[0])).toEqual([0, null, null, null, null, null]);
+    expect(unknownStretches(unknown)).toEqual([[0, 0]]);
     expect(axisRange(data, 4, 'all')[0]).toBeGreaterThan(400);
     unknown.status[1] = 'unobservable';
     expect(axisRange(columns(unknown, 'lidar_x', 1), 4, 'all')).toEqual([-2, 2]);
+    expect(unknownStretches(unknown)).toEqual([[0, 1]]);
+  });
+
+  it('is marked for each time that it was so', () => {
+    const found = series([0, 1, 2, 3, 4], [0, 0, 1, 0, 0]);
+    for (const i of [0, 1, 3, 4]) found.status[i] = 'unobservable';
+    expect(unknownStretches(found)).toEqual([
+      [0, 1],
+      [3, 4],
+    ]);
   });
 });
 

@@ -67,8 +67,8 @@ const MIXED_FACTOR = 5;
 
 /**
  * Returns the columns of a chart; missing data are a row of nulls, displayed as a gap. An
- * unobservable value is only the earlier assumption, so it has a band and no line; so has a stretch
- * in which it has become observable, whose mean mixes both. Highest and lowest value are those of
+ * unobservable value is only the earlier assumption, so it is not drawn; neither is a stretch in
+ * which it has become observable, whose mean mixes both. Highest and lowest value are those of
  * converged stretches as soon as there are any, without isolated ones: a value that is still
  * converging may be anywhere, and must not determine the axis.
  */
@@ -85,7 +85,7 @@ export function columns(series: Series, name: ParameterName, bucket_s: number): 
     const band = (series.sigma[i] ?? Number.NaN) * factor * BAND_SIGMAS;
     const status = series.status[i];
     if (status === 'unobservable' || isMixed(series, i, bucket_s, gap_s)) {
-      push(out, [t_s, mean + band, mean - band, null, null, null]);
+      push(out, [t_s, null, null, null, null, null]);
       return;
     }
     if ((converges && status !== 'converged') || isAlone(series, i, bucket_s, gap_s)) {
@@ -119,6 +119,18 @@ function isMixed(series: Series, i: number, bucket_s: number, gap_s: number): bo
 function isAlone({ t_s }: Series, i: number, bucket_s: number, gap_s: number): boolean {
   const at = (k: number) => t_s[k] ?? Number.NaN;
   return bucket_s > 1 && !(at(i) - at(i - 1) <= gap_s) && !(at(i + 1) - at(i) <= gap_s);
+}
+
+/** Returns the stretches in which the value was not observable, from first to last point. */
+export function unknownStretches({ t_s, status }: Series): [from_s: number, to_s: number][] {
+  const found: [number, number][] = [];
+  t_s.forEach((at_s, i) => {
+    if (status[i] !== 'unobservable') return;
+    const last = status[i - 1] === 'unobservable' ? found.at(-1) : undefined;
+    if (last) last[1] = at_s;
+    else found.push([at_s, at_s]);
+  });
+  return found;
 }
 
 /** Returns the points of the value's line without a neighbour, which a line would not show. */

@@ -24,9 +24,11 @@ export type Shape =
   | 'square-dash'
   | 'not-equal'
   | 'clock-off'
+  | 'full'
   | 'dash'
   | 'signal';
-export type Tone = 'bad' | 'warn' | 'active' | 'good' | 'quiet';
+/** Tone of a mark; `ink` stands out without asking for a person: a size beyond a tolerance. */
+export type Tone = 'bad' | 'warn' | 'active' | 'good' | 'ink' | 'quiet';
 
 export interface Face {
   word: string;

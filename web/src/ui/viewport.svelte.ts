@@ -13,5 +13,5 @@ class Narrow {
 /** Width limit for the table of proposals, which has eleven columns. */
 export const narrowForProposals = new Narrow(1_419);
 
-/** Width limit for the fleet's table, which has ten columns. */
-export const narrowForFleet = new Narrow(1_259);
+/** Width limit for the fleet's table, which has six columns. */
+export const narrowForFleet = new Narrow(899);

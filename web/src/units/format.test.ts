@@ -4,6 +4,7 @@ import {
   formatAge,
   formatEstimate,
   formatMoment,
+  formatSaid,
   formatSigma,
   formatValue,
   signed,
@@ -47,6 +48,18 @@ describe('moments', () => {
     expect(formatMoment(1_400, 1_000, true)).toBe('in 1 s');
     expect(formatMoment(61_000, 1_000, true)).toBe('in 60 s');
     expect(formatMoment(1_000, 11_000, true)).toBe('10 s ago');
+  });
+});
+
+describe('times as people say them', () => {
+  it('say no more than is needed to know which one it is', () => {
+    const now = new Date(2026, 0, 2, 12, 0).getTime();
+    const said = (...at: [number, number, number, number, number]) =>
+      formatSaid(new Date(...at).getTime(), now);
+    expect(said(2026, 0, 2, 9, 5)).toBe('09:05');
+    expect(said(2026, 0, 1, 22, 14)).toBe('yesterday 22:14');
+    expect(said(2025, 11, 31, 22, 14)).toBe('31 Dec 2025 22:14');
+    expect(said(2026, 0, 3, 9, 5)).toBe('3 Jan 09:05');
   });
 });
 

@@ -117,6 +117,26 @@ export function formatTime(time_ms: number): string {
   return dated.format(time_ms);
 }
 
+const minute = new Intl.DateTimeFormat('en-GB', { hour: '2-digit', minute: '2-digit' });
+const day = new Intl.DateTimeFormat('en-GB', { day: 'numeric', month: 'short' });
+const dayOfYear = new Intl.DateTimeFormat('en-GB', {
+  day: 'numeric',
+  month: 'short',
+  year: 'numeric',
+});
+
+/** Returns a time as people say it: `22:14` today, `yesterday 22:14`, `21 Nov 22:14`, `21 Nov 2025 22:14`. */
+export function formatSaid(time_ms: number, now_ms: number): string {
+  const at = new Date(time_ms);
+  const today = new Date(now_ms);
+  const clockTime = minute.format(at);
+  if (at.toDateString() === today.toDateString()) return clockTime;
+  const before = new Date(today.getFullYear(), today.getMonth(), today.getDate() - 1);
+  if (at.toDateString() === before.toDateString()) return `yesterday ${clockTime}`;
+  const sameYear = at.getFullYear() === today.getFullYear();
+  return `${(sameYear ? day : dayOfYear).format(at)} ${clockTime}`;
+}
+
 /** Returns the name of the reader's time zone. */
 export function zoneName(): string {
   return Intl.DateTimeFormat().resolvedOptions().timeZone;

@@ -286,7 +286,7 @@ struct VerificationDocument {
 }
 
 impl VerificationDocument {
-    fn of(verification: Verification) -> Self {
+    fn of(verification: &Verification) -> Self {
         Self {
             at: time::of(verification.at_ns),
             distance_m: verification.distance_m,
@@ -384,7 +384,10 @@ impl DeploymentDocument {
             offered: deployment.offered_ns.map(time::of),
             applied: deployment.applied_ns.map(time::of),
             closed: deployment.closed_ns.map(time::of),
-            verification: deployment.verification.map(VerificationDocument::of),
+            verification: deployment
+                .verification
+                .as_ref()
+                .map(VerificationDocument::of),
             reason: deployment.reason,
             roll_back: deployment.roll_back.map(RollBackDocument::of),
         }

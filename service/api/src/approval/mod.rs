@@ -15,6 +15,7 @@ use utoipa_axum::routes;
 use super::ApiState;
 
 pub(super) use document::CalibrationSummary;
+pub(super) use proposals::robot_named;
 
 /// Routes of the life cycle.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {

@@ -419,7 +419,7 @@ fn proposal_number(id: &str) -> Result<ProposalId, Problem> {
         .map_err(|_| Problem::refused("id", id, "the number of a proposal"))
 }
 
-pub(super) fn robot_named(id: &str) -> Result<RobotId, Problem> {
+pub(crate) fn robot_named(id: &str) -> Result<RobotId, Problem> {
     RobotId::parse(id).map_err(|error| {
         let status = StatusCode::BAD_REQUEST;
         Problem::new(status, "value_refused", error.to_string()).of_field("robot")

@@ -168,7 +168,7 @@ pub(super) struct NewEventDocument {
     responses(
         (status = CREATED, description = "The stored event", body = EventDocument),
         (status = NOT_FOUND, description = "The robot is unknown"),
-        (status = CONFLICT, description = "The robot is not registered: it has no estimator"),
+        (status = CONFLICT, description = "No estimator takes the note: the robot is not registered, or its estimator is stopped"),
         (status = SERVICE_UNAVAILABLE, description = "Too many notes about the robot wait"),
         (status = UNPROCESSABLE_ENTITY,
             description = "The `Idempotency-Key` came with another request, or the body does not fit"),

@@ -49,6 +49,12 @@ pub struct Cluster {
     pub planted: Planted,
     pub instances: usize,
     pub moves: u8,
+    /// Largest number of failovers of the database.
+    pub failovers: u8,
+    /// Largest number of processes that are frozen.
+    pub freezes: u8,
+    /// Largest number of instances that are cut off from the database.
+    pub cuts: u8,
     /// Largest number of processes that are killed.
     pub kills: u8,
     pub seconds_max: u64,
@@ -92,9 +98,9 @@ impl Model for Cluster {
 
     fn init_states(&self) -> Vec<World> {
         let mut world = World {
-            failovers_left: 1,
-            freezes_left: 1,
-            cuts_left: 1,
+            failovers_left: self.failovers,
+            freezes_left: self.freezes,
+            cuts_left: self.cuts,
             moves_left: self.moves,
             kills_left: self.kills,
             timeline: 1,

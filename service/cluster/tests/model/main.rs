@@ -43,6 +43,9 @@ fn pair(planted: Planted) -> Cluster {
         planted,
         instances: 2,
         moves: 0,
+        failovers: 1,
+        freezes: 1,
+        cuts: 1,
         kills: 0,
         seconds_max: 12,
     }
@@ -97,19 +100,40 @@ fn nor_where_a_killed_instance_is_replaced_at_once() {
     assert_nothing_goes_wrong(with_a_kill(Planted::Nothing), steps(11));
 }
 
+/// Each planted fault shows under one disturbance alone, or under none.
 #[test]
 fn each_part_of_the_mechanism_is_needed() {
-    let with_its_epoch = with_a_move(2, Planted::HandedOverWithItsEpoch);
+    let undisturbed = |model| Cluster {
+        failovers: 0,
+        freezes: 0,
+        cuts: 0,
+        ..model
+    };
+    let with_a_freeze = |planted| Cluster {
+        freezes: 1,
+        ..undisturbed(pair(planted))
+    };
+    let with_a_failover = |planted| Cluster {
+        failovers: 1,
+        ..undisturbed(pair(planted))
+    };
     for (model, expected) in [
         (
-            pair(Planted::NoFence),
+            with_a_freeze(Planted::NoFence),
             "no write after one of a later tenure",
         ),
-        (pair(Planted::NoGate), "one late put at the most"),
-        (pair(Planted::EpochWithoutTimeline), "one instance an epoch"),
-        (with_its_epoch, "one instance an epoch"),
+        (with_a_freeze(Planted::NoGate), "one late put at the most"),
+        (
+            with_a_failover(Planted::EpochWithoutTimeline),
+            "one instance an epoch",
+        ),
+        (
+            undisturbed(with_a_move(2, Planted::HandedOverWithItsEpoch)),
+            "one instance an epoch",
+        ),
     ] {
         let (found, states) = explore(model, 12);
+        println!("{:?}: {found:?} in {states} states", model.planted);
         assert!(
             found.contains(&expected),
             "{model:?}: {found:?} in {states} states"

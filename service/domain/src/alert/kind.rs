@@ -55,11 +55,13 @@ pub enum AlertKind {
     ConfigurationsDiffer,
     /// Clock of an instance that differs from the database's.
     ClockOff,
+    /// All places of Zenoh sessions, or the share of one name or address, that are taken.
+    SessionsFull,
 }
 
 impl AlertKind {
     /// Every kind.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::RollbackFailed,
         Self::Drift,
         Self::VerificationFailed,
@@ -76,6 +78,7 @@ impl AlertKind {
         Self::RoutersCut,
         Self::ConfigurationsDiffer,
         Self::ClockOff,
+        Self::SessionsFull,
     ];
 
     /// Kinds that follow from a robot's view and records.
@@ -131,7 +134,8 @@ impl AlertKind {
             | Self::Fault
             | Self::Uncalibrated
             | Self::ConfigurationsDiffer
-            | Self::ClockOff => Severity::Warning,
+            | Self::ClockOff
+            | Self::SessionsFull => Severity::Warning,
         }
     }
 
@@ -164,8 +168,8 @@ impl AlertKind {
                  access list per robot (docs/zenoh.md) keeps others from answering for it."
             }
             Self::EstimatorFailed => {
-                "Read the service's log, and give the robot's configuration again: its estimator \
-                 then begins again."
+                "Read the service's log and restart the service: the robot's estimator then goes on \
+                 from its last stored state."
             }
             Self::NoInstance => {
                 "Look on the health page at which instances are there and reach a Zenoh router, and \
@@ -194,17 +198,19 @@ impl AlertKind {
                  Acknowledge it where the values in use are meant to stay."
             }
             Self::RoutersCut => {
-                "Mend the connection between the routers. Meanwhile each robot is estimated by an \
-                 instance that receives it; no other one shows its live data."
+                "Mend the connection between the routers: robots are estimated meanwhile."
             }
             Self::ConfigurationsDiffer => {
-                "Give all instances the same fleetcal.toml but for name and addresses, and start \
-                 them again one after the other: which settings a robot is estimated with should \
-                 not depend on who estimates it."
+                "Give all instances the same fleetcal.toml but for name and addresses, and restart them \
+                 one after the other."
             }
             Self::ClockOff => {
                 "Set the machine's clock, and see that it is kept by NTP: from 10 s on the instance \
                  gives up its robots."
+            }
+            Self::SessionsFull => {
+                "Find out who opens so many sessions: a robot needs one. For many behind one bridge, \
+                 raise sessions_per_name or sessions_per_address in fleetcal.toml."
             }
         }
     }

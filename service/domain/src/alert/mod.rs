@@ -23,5 +23,5 @@ pub use group::group_silent;
 pub use kind::{AlertKind, Severity};
 pub use policy::AlertPolicy;
 pub use record::{Acknowledgement, Alert, AlertRefused, Notice, Step, step};
-pub use rules::{Sighting, Situation, sightings};
+pub use rules::{Sighting, Situation, sessions_full, sightings};
 pub use subject::Subject;

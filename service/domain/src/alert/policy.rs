@@ -59,7 +59,8 @@ impl AlertPolicy {
             | AlertKind::NoData
             | AlertKind::RoutersCut
             | AlertKind::ConfigurationsDiffer
-            | AlertKind::ClockOff => of_data,
+            | AlertKind::ClockOff
+            | AlertKind::SessionsFull => of_data,
             // It is told once, when it has happened.
             AlertKind::Fault | AlertKind::TwoSenders | AlertKind::FormerKey => Periods {
                 pending_ns: 0,

@@ -184,7 +184,9 @@ impl Alert {
                 // The place stands in rows: kinds that came later share one with others.
                 let kind = match self.kind {
                     AlertKind::NoInstance | AlertKind::RoutersCut => AlertKind::EstimatorFailed,
-                    AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => AlertKind::Fault,
+                    AlertKind::ConfigurationsDiffer
+                    | AlertKind::ClockOff
+                    | AlertKind::SessionsFull => AlertKind::Fault,
                     kind => kind,
                 };
                 let place = AlertKind::OF_ROBOT.iter().position(|one| *one == kind);

@@ -8,6 +8,7 @@ use fleetcal_proto::estimate::EstimateDocument;
 use super::condition::Observation;
 use super::kind::AlertKind;
 use super::policy::AlertPolicy;
+use super::subject::Subject;
 use crate::approval::{
     self, Contradicted, Deployment, DeploymentState, RobotLedger, difference, nominal_values,
 };
@@ -105,6 +106,15 @@ pub fn sightings(situation: &Situation<'_>) -> [Sighting; AlertKind::OF_ROBOT.le
     })
 }
 
+/// Sighting of [`AlertKind::SessionsFull`] for the fleet; `crowded` describes the places of Zenoh
+/// sessions while they are taken.
+pub fn sessions_full(crowded: Option<String>, policy: &AlertPolicy) -> (Subject, Sighting) {
+    let kind = AlertKind::SessionsFull;
+    let crowded = crowded.filter(|_| !policy.off.contains(&kind));
+    let seen = crowded.map_or(Seen::Clear, Seen::Firing);
+    (Subject::Fleet, Sighting::of(kind, seen))
+}
+
 fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
     match kind {
         AlertKind::RollbackFailed => rollback_failed(situation),
@@ -125,11 +135,12 @@ fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
         AlertKind::OutOfSync => out_of_sync(situation),
         AlertKind::NoData => no_data(situation),
         AlertKind::Fault => fault(situation),
-        // The rows of the cluster say these.
+        // The rows of the cluster and the link say these.
         AlertKind::NoInstance
         | AlertKind::RoutersCut
         | AlertKind::ConfigurationsDiffer
-        | AlertKind::ClockOff => Seen::Unknown,
+        | AlertKind::ClockOff
+        | AlertKind::SessionsFull => Seen::Unknown,
     }
 }
 
@@ -204,20 +215,15 @@ fn verification_failed(situation: &Situation<'_>) -> Seen {
 }
 
 fn two_senders(situation: &Situation<'_>) -> Seen {
-    Seen::firing_if(is_warned(situation, WarningKind::TwoSenders), || {
+    Seen::firing_if(situation.view.is_warned(WarningKind::TwoSenders), || {
         "two senders use the robot's id at once; nothing that they send is used".to_owned()
     })
 }
 
 fn former_key(situation: &Situation<'_>) -> Seen {
-    Seen::firing_if(is_warned(situation, WarningKind::FormerKey), || {
+    Seen::firing_if(situation.view.is_warned(WarningKind::FormerKey), || {
         "the robot sends its wheel odometry on the former key, and it is not used".to_owned()
     })
-}
-
-fn is_warned(situation: &Situation<'_>, kind: WarningKind) -> bool {
-    let warnings = &situation.view.warnings;
-    warnings.iter().any(|warning| warning.kind == kind)
 }
 
 fn false_report(situation: &Situation<'_>) -> Seen {

@@ -26,8 +26,10 @@ impl Draft<'_> {
         reason: Option<String>,
     ) -> Result<(), Refused> {
         within_limits(&values, self.standing.policy)?;
-        if self.standing.present == Present::Reassembled {
-            return Err(Refused::ReassemblyOpen);
+        match self.standing.present {
+            Present::Reassembled => return Err(Refused::ReassemblyOpen),
+            Present::TwoSenders if origin == Origin::Estimator => return Err(Refused::TwoSenders),
+            _ => {}
         }
         self.nothing_underway()?;
         if let Some(open) = &self.outcome.ledger.open {

@@ -6,6 +6,7 @@ use fleetcal_proto::calibration::CalibrationValues;
 use serde::{Deserialize, Serialize};
 
 use super::generation::{GenerationRef, InUse};
+use super::revision::Evidence;
 use super::values::Change;
 
 /// State of a deployment.
@@ -200,6 +201,13 @@ pub struct Verification {
     pub sigma: [f64; 4],
     /// True if the residual with twice its sigma is inside the tolerance.
     pub within: bool,
+    /// Tolerance that it was judged by, in the same order; absent in verdicts of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(value_type = Option<[f64; 4]>))]
+    pub limits: Option<Change>,
+    /// Evidence of the verification estimate; absent in verdicts of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub evidence: Option<Evidence>,
 }
 
 /// Deployment of a revision to one robot.

@@ -21,10 +21,8 @@ pub struct Situation<'a> {
     pub now: WallTime,
     /// Latest estimate, if its vehicle is the one that was calibrated.
     pub estimate: Option<&'a EstimateDocument>,
-    /// True if a reassembly was reported, and the calibration is not known again since.
-    pub reassembly_open: bool,
-    /// True if the vehicle is no longer the one that was calibrated, and not known again yet.
-    pub vehicle_changed: bool,
+    /// Reasons for which the estimate may not be of the present vehicle.
+    pub objections: Objections,
     /// True if that estimate has been stable for [`Policy::stable_for_s`].
     pub stable: bool,
     /// Verification estimate: from the data since the values in use were applied.
@@ -33,13 +31,24 @@ pub struct Situation<'a> {
     pub nominal: Option<CalibrationValues>,
 }
 
+/// Reasons for which an estimate may not be of the present vehicle.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Objections {
+    /// True if a reassembly was reported, and the calibration is not known again since.
+    pub reassembly_open: bool,
+    /// True if two senders use the robot's id.
+    pub two_senders: bool,
+    /// True if the vehicle is no longer the one that was calibrated, and not known again yet.
+    pub vehicle_changed: bool,
+}
+
 /// Verdict of a verification estimate on the values in use.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
     /// Undecided yet.
     NotYet,
     /// Inside or outside the tolerance at `VERIFY_SIGMAS`.
-    Known(Verification),
+    Known(Box<Verification>),
 }
 
 /// Multiple of the verification estimate's sigma that must fit beside the difference.
@@ -82,13 +91,15 @@ pub fn judge(
     if !within && !outside {
         return Verdict::NotYet;
     }
-    Verdict::Known(Verification {
+    Verdict::Known(Box::new(Verification {
         at_ns: now,
         distance_m: verification.distance_m,
         residual,
         sigma,
         within,
-    })
+        limits: Some(limits),
+        evidence: Some(Evidence::of(verification)),
+    }))
 }
 
 /// Command that is due, if any. Each changes the records, so that it is due once.
@@ -108,10 +119,13 @@ pub fn due(ledger: &RobotLedger, situation: &Situation<'_>, policy: &Policy) -> 
 impl Situation<'_> {
     /// Present estimate of the robot.
     fn present(&self) -> Present {
-        if self.reassembly_open {
+        if self.objections.reassembly_open {
             return Present::Reassembled;
         }
-        if self.vehicle_changed {
+        if self.objections.two_senders {
+            return Present::TwoSenders;
+        }
+        if self.objections.vehicle_changed {
             return Present::VehicleChanged;
         }
         match self.estimate.and_then(values_and_sigmas) {
@@ -133,7 +147,7 @@ fn brought_up_to_date(
     let proposed = ledger.revisions.get(&open.revision)?;
     let outdated = outdated(proposed, &situation.present())?;
     let close = |reason: String| Some(Command::Supersede { proposal, reason });
-    if matches!(outdated, Outdated::VehicleChanged | Outdated::Reassembled) {
+    if !matches!(outdated, Outdated::Moved { .. }) {
         return close(outdated.to_string());
     }
     let estimate = situation.estimate?;
@@ -253,7 +267,7 @@ fn verification_due(
     {
         return Some(Command::Judge {
             deployment,
-            verification,
+            verification: *verification,
         });
     }
     let since_ns = live.applied_ns.unwrap_or(live.created_ns);
@@ -276,12 +290,15 @@ fn disagreement(
     situation: &Situation<'_>,
     policy: &Policy,
 ) -> Option<String> {
-    if situation.reassembly_open {
+    if situation.objections.reassembly_open {
         return Some(Outdated::Reassembled.to_string());
     }
     let revision = ledger.revisions.get(&revision)?;
     if revision.origin != Origin::Estimator {
         return None;
+    }
+    if situation.objections.two_senders {
+        return Some(Outdated::TwoSenders.to_string());
     }
     let (values, sigmas) = values_and_sigmas(situation.estimate?)?;
     differs(&revision.values, &values, &sigmas, policy)
@@ -293,7 +310,8 @@ fn proposal_due(
     situation: &Situation<'_>,
     policy: &Policy,
 ) -> Option<Command> {
-    if !policy.propose || !situation.stable || situation.reassembly_open {
+    let is_unsettled = situation.objections.reassembly_open || situation.objections.two_senders;
+    if !policy.propose || !situation.stable || is_unsettled {
         return None;
     }
     let estimate = situation.estimate?;

@@ -38,7 +38,7 @@ mod tests;
 pub use audited::audited;
 pub use command::{Command, Standing};
 pub use deployment::{Deployment, DeploymentEvent, DeploymentState, RollBack, Verification};
-pub use due::{Situation, Verdict, automatic, due, judge};
+pub use due::{Objections, Situation, Verdict, automatic, due, judge};
 pub use gain::{ExpectedGain, expected_gain};
 pub use generation::{GenerationRef, InUse};
 pub use ledger::{NextIds, OutboxEntry, Outcome, RobotLedger};

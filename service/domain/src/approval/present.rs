@@ -19,6 +19,8 @@ pub enum Present {
     Unknown,
     /// Reassembly reported, and the calibration not known again since.
     Reassembled,
+    /// Two senders under the robot's id: what was learnt of them is discarded.
+    TwoSenders,
     /// Vehicle changed since it was calibrated, and its new values not known yet.
     VehicleChanged,
     /// Known values.
@@ -35,6 +37,8 @@ pub enum Present {
 pub enum Outdated {
     /// Robot reassembled, and its calibration not known again yet.
     Reassembled,
+    /// Two senders under the robot's id: the values may be of both.
+    TwoSenders,
     /// Vehicle changed since it was calibrated.
     VehicleChanged,
     /// Present estimate too far from the proposal.
@@ -56,6 +60,9 @@ impl fmt::Display for Outdated {
             Self::Reassembled => f.write_str(
                 "the robot was reassembled since, and its calibration is not known again yet",
             ),
+            Self::TwoSenders => f.write_str(
+                "two senders use the robot's id, and the values may be of the data of both",
+            ),
             Self::VehicleChanged => {
                 f.write_str("the vehicle is no longer the one that was calibrated")
             }
@@ -75,7 +82,8 @@ impl fmt::Display for Outdated {
 
 /// Compares a revision with the present estimate; `None` if it agrees, if its values were not
 /// estimated, and if the estimate is unknown. After a reassembly, earlier values of any origin are
-/// outdated until the calibration is known again.
+/// outdated until the calibration is known again; estimated ones are while two senders use the
+/// robot's id.
 ///
 /// The present estimate `n` contains the data of the proposal `p`, so that the covariance of the
 /// two is the variance of `n`, and the difference has the variance `sigma_p^2 - sigma_n^2`. That
@@ -96,6 +104,7 @@ pub fn outdated(revision: &Revision, present: &Present) -> Option<Outdated> {
         Present::Reassembled => return Some(Outdated::Reassembled),
         _ if !is_estimated => return None,
         Present::Unknown => return None,
+        Present::TwoSenders => return Some(Outdated::TwoSenders),
         Present::VehicleChanged => return Some(Outdated::VehicleChanged),
         Present::Known { values, sigmas } => (values, sigmas),
     };

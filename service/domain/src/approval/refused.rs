@@ -56,6 +56,12 @@ pub enum Refused {
          comparison with the calibration of before has a verdict, and propose what it finds then"
     )]
     ReassemblyOpen,
+    /// Proposal of an estimate while two senders use the robot's id.
+    #[error(
+        "two senders use the robot's id, so that nothing is known of it: stop the second one, and \
+         propose what is estimated then"
+    )]
+    TwoSenders,
     /// Second deployment while another is under way.
     #[error("deployment {deployment} of this robot is {} already; one at a time is possible", state.as_str())]
     Underway {

@@ -1,6 +1,6 @@
 //! Revision of a calibration, kept for ever.
 
-use fleetcal_model::{CalibrationCovariance, Pose2, RevisionId, RobotTime, WallTime};
+use fleetcal_model::{CalibrationCovariance, Motions, Pose2, RevisionId, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -43,6 +43,9 @@ pub struct Evidence {
     /// hash.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CalibrationCovariance>,
+    /// Distance in each kind of motion; absent in evidence of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motions: Option<Motions>,
 }
 
 impl Evidence {
@@ -58,6 +61,7 @@ impl Evidence {
             nis_mean: estimate.consistency.nis_mean,
             nis_dof: estimate.consistency.nis_dof,
             covariance: estimate.covariance,
+            motions: estimate.motions,
         }
     }
 }

@@ -72,7 +72,7 @@ pub fn step(
         Command::Judge {
             deployment,
             verification,
-        } => draft.judge(deployment, verification)?,
+        } => draft.judge(deployment, &verification)?,
         Command::GiveUp { deployment, reason } => draft.give_up(deployment, reason)?,
         Command::Void { deployment, reason } => draft.void(deployment, reason)?,
         Command::Maintain { until_ns, reason } => draft.maintain(until_ns, said(reason)?)?,
@@ -139,10 +139,10 @@ impl Draft<'_> {
         Ok(())
     }
 
-    fn judge(&mut self, id: DeploymentId, verification: Verification) -> Result<(), Refused> {
+    fn judge(&mut self, id: DeploymentId, verification: &Verification) -> Result<(), Refused> {
         let before = self.underway(id)?;
         let mut live = before.clone();
-        live.verification = Some(verification);
+        live.verification = Some(*verification);
         if verification.within {
             live.reason = None;
             let event = DeploymentEvent::Verified;

@@ -5,6 +5,7 @@ mod basis;
 mod checks;
 mod config;
 mod cross_track;
+mod described;
 mod history;
 mod own_settings;
 mod view;
@@ -16,6 +17,7 @@ pub use config::{
     WheelOdometrySignal, Wheelbase,
 };
 pub use cross_track::{BIN_WIDTH_M, BINS_PER_SIDE, CrossTrack, GENERATIONS_MAX};
+pub use described::DescribedConfig;
 pub use history::{HistoryEvent, Journal, ServiceEvent, ServiceEventKind};
 pub use own_settings::OwnSettings;
 pub use view::{

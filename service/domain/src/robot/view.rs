@@ -200,6 +200,13 @@ pub struct RobotView {
     pub estimated_by: Option<EstimatedBy>,
 }
 
+impl RobotView {
+    /// True if there is a warning of this kind.
+    pub fn is_warned(&self, kind: WarningKind) -> bool {
+        self.warnings.iter().any(|warning| warning.kind == kind)
+    }
+}
+
 /// ROS 2 topic that a robot has announced.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]

@@ -118,6 +118,8 @@ fn a_verdict_against_the_values_in_use_is_a_failed_verification() {
             residual: [0.02, 0.0, 0.0, 0.0],
             sigma: [0.001; 4],
             within,
+            limits: None,
+            evidence: None,
         };
         case.ledger.live.as_mut().unwrap().verification = Some(verdict);
         assert_eq!(case.stands(), stands);
@@ -214,6 +216,7 @@ fn every_alert_is_a_way_to_stand() {
         S::Fault,
         S::Uncalibrated,
         // What is wrong with instances is no state of a robot.
+        S::Calibrated,
         S::Calibrated,
         S::Calibrated,
         S::Calibrated,

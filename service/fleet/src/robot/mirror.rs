@@ -64,6 +64,7 @@ impl Robot {
     /// Resets the view: nothing is known, and its task begins from nothing.
     pub fn show_nothing(&self) {
         let mut status = lock(&self.status);
+        status.verification = None;
         status.state = RobotState::NoData;
         status.estimate = None;
         status.candidate = super::Candidate::default();

@@ -12,6 +12,11 @@ impl Robot {
         lock(&self.status).reassembly_open = is_open;
     }
 
+    /// True if a reported reassembly is open.
+    pub fn is_reassembly_open(&self) -> bool {
+        lock(&self.status).reassembly_open
+    }
+
     /// Sets the last note that its estimator has processed: the shown estimate is no older.
     pub fn set_notes_taken(&self, until: AuditId) {
         lock(&self.status).notes_taken = Some(until);

@@ -7,6 +7,7 @@ use fleetcal_domain::limits::{
 
 use fleetcal_model::RobotTime;
 
+use super::good::Good;
 use super::{Engine, RobotTask};
 use crate::stored::{Stored, StoredConfig};
 use crate::verification_run::VerificationRun;
@@ -44,7 +45,10 @@ impl RobotTask {
             return;
         }
         let checkpoint = calibrator.checkpoint();
-        self.earlier_good = self.last_good.replace(checkpoint.clone());
+        self.earlier_good = self.last_good.replace(Good {
+            checkpoint: checkpoint.clone(),
+            changed: self.changed,
+        });
         let run = self.verification_run.as_ref();
         let bytes = StoredConfig::of(&self.basis).and_then(|config| {
             let stored = Stored {

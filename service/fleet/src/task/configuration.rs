@@ -25,7 +25,7 @@ impl RobotTask {
             }
             let (fleet, robot) = (Arc::clone(&self.fleet), Arc::clone(&self.robot));
             let budgets = std::mem::take(&mut self.budgets);
-            let (notes, is_open) = (self.notes.clone(), self.is_reassembly_open());
+            let (notes, is_open) = (self.notes.clone(), self.robot.is_reassembly_open());
             *self = Self::start(fleet, robot, version, &config, None);
             self.budgets = budgets;
             self.robot.set_notes_taken(notes.until);
@@ -33,6 +33,7 @@ impl RobotTask {
             if is_open {
                 self.reopen_reassembly();
             }
+            self.save_checkpoint();
         }
     }
 

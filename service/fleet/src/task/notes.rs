@@ -2,10 +2,11 @@
 
 use fleetcal_domain::limits::NOTES_PER_HOUR_MAX;
 use fleetcal_domain::robot::HistoryEvent;
-use fleetcal_estimator::{Calibrator, Checkpoint, Event, Note};
+use fleetcal_estimator::{Calibrator, Event, Note};
 use fleetcal_model::NoteKind;
 use fleetcal_proto::event::RobotEvent;
 
+use super::good::Good;
 use super::{Engine, RobotTask};
 use crate::decode;
 use crate::mailbox::Outcome;
@@ -88,9 +89,14 @@ impl RobotTask {
         self.earlier_good = earlier.and_then(|earlier| self.with_note(&earlier, note));
     }
 
-    fn with_note(&self, checkpoint: &Checkpoint, note: &Note) -> Option<Checkpoint> {
-        let mut calibrator = Calibrator::restore(self.basis.calibrator.clone(), checkpoint).ok()?;
+    fn with_note(&self, good: &Good, note: &Note) -> Option<Good> {
+        let config = self.basis.calibrator.clone();
+        let mut calibrator = Calibrator::restore(config, &good.checkpoint).ok()?;
         calibrator.step(Event::Note(note.clone()));
-        Some(calibrator.checkpoint())
+        let checkpoint = calibrator.checkpoint();
+        Some(Good {
+            checkpoint,
+            ..*good
+        })
     }
 }

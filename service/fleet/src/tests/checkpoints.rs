@@ -237,8 +237,10 @@ fn another_format_or_configuration_begins_from_nothing() {
     let mut drive = Drive::new(poses());
     drive.drive(10.0);
     let bytes = drive.bytes();
-    let restore =
-        |config: &Basis, bytes: &[u8]| stored::restore(&id("robot"), config, bytes).is_some();
+    let restore = |config: &Basis, bytes: &[u8]| {
+        let restored = stored::restore(&id("robot"), config, bytes);
+        restored.is_some_and(|restored| restored.calibrator.filter().is_some())
+    };
     assert_eq!(bytes.first(), Some(&packed::FORMAT));
     assert!(restore(&drive.basis, &bytes));
     let mut later = bytes.clone();

@@ -22,15 +22,18 @@ enum Meanwhile {
     Panic,
     /// The robot's configuration is changed.
     Configured,
+    /// A second sender uses the robot's id.
+    TwoSenders,
 }
 
-const ALL: [Meanwhile; 6] = [
+const ALL: [Meanwhile; 7] = [
     Meanwhile::Nothing,
     Meanwhile::Silence,
     Meanwhile::Restart,
     Meanwhile::Kill,
     Meanwhile::Panic,
     Meanwhile::Configured,
+    Meanwhile::TwoSenders,
 ];
 
 /// A note at a random instant, with a random stamp, beside a disturbance.
@@ -123,6 +126,13 @@ impl Instant {
                     )
                 };
                 self.bench.fleet.configure(&id(ROBOT), config).unwrap();
+            }
+            Meanwhile::TwoSenders => {
+                for _ in 0..40 {
+                    let message = drive(self.sent);
+                    self.bench.send_from(self.sent as u64 % 2, &message);
+                    self.sent += 1;
+                }
             }
         }
         if meanwhile != Meanwhile::Silence {
@@ -255,9 +265,8 @@ async fn an_open_reassembly_is_shown_after_another_configuration_before_any_mess
     let payload = serde_json::to_vec(&event).unwrap();
     bench.send(ROBOT, Stream::Event, &payload);
     bench.worked_off(ROBOT).await;
-    let wheelbase = Wheelbase::try_from(1.3).unwrap();
-    let config = RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase);
-    bench.fleet.configure(&id(ROBOT), config).unwrap();
+    let configured = bench.fleet.configure(&id(ROBOT), with_wheelbase(1.3));
+    configured.unwrap();
     let is_shown = || {
         let view = bench.view(ROBOT);
         view.estimate.is_none() && view.reassembly_open
@@ -271,4 +280,61 @@ async fn an_open_reassembly_is_shown_after_another_configuration_before_any_mess
     // It stays so: the task has begun again by then.
     tokio::time::sleep(Duration::from_millis(50)).await;
     assert!(is_shown(), "{:?}", bench.view(ROBOT));
+}
+
+fn with_wheelbase(wheelbase_m: f64) -> RobotConfig {
+    let wheelbase = Wheelbase::try_from(wheelbase_m).unwrap();
+    RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase)
+}
+
+/// Begins again from stored states with a robot of another wheelbase.
+async fn begun_with_wheelbase(wheelbase_m: f64, from: &Bench) -> Bench {
+    let checkpoints = from.kept.checkpoints.lock().unwrap().clone();
+    let robots = BTreeMap::from([(id(ROBOT), with_wheelbase(wheelbase_m))]);
+    let bench = bench_of(robots, checkpoints, Calibrator::step);
+    bench.noted(ROBOT, AuditId(0)).await;
+    bench
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn notes_outlast_another_configuration_and_a_restart_of_a_silent_robot() {
+    let first = bench(&[ROBOT]);
+    let number = AuditId(7);
+    let event = RobotEvent {
+        kind: NoteKind::Reassembled,
+        stamp_ns: RobotTime(BEGIN_NS),
+        note: String::new(),
+    };
+    let noted = Noted { number, event };
+    first.fleet.note(&id(ROBOT), noted).unwrap();
+    first.noted(ROBOT, number).await;
+    let edited_offline = begun_with_wheelbase(1.3, &first).await;
+
+    let is_stored = || !first.kept.checkpoints.lock().unwrap().is_empty();
+    first.kept.checkpoints.lock().unwrap().clear();
+    let configured = first.fleet.configure(&id(ROBOT), with_wheelbase(1.4));
+    assert!(matches!(configured, Ok(Configured::BeginsAgain(_))));
+    for _ in 0..2_000 {
+        if is_stored() {
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+    let killed = begun_with_wheelbase(1.4, &first).await;
+    for (bench, what) in [(edited_offline, "edited offline"), (killed, "killed")] {
+        assert!(bench.view(ROBOT).reassembly_open, "{what}");
+        assert_eq!(bench.fleet.notes_taken(&id(ROBOT)), Some(number), "{what}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_note_about_a_robot_whose_estimator_has_stopped_is_refused() {
+    let bench = bench_with(&[ROBOT], BTreeMap::new(), panicking);
+    for _ in 0..12 {
+        bench.send(ROBOT, Stream::WheelOdometry, &drive(13));
+    }
+    bench.worked_off(ROBOT).await;
+    assert_eq!(bench.view(ROBOT).state, RobotState::Failed);
+    let refused = bench.fleet.takes_notes(&id(ROBOT)).unwrap_err();
+    assert!(refused.to_string().contains("is stopped"), "{refused}");
 }

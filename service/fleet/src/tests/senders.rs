@@ -20,6 +20,19 @@ fn winding(number: i64, stamp_ns: i64, steering_angle: Option<f32>) -> Vec<u8> {
     AckermannDriveStamped { header, drive }.to_cdr()
 }
 
+impl Bench {
+    /// Sends wheel odometry of `robot` by a connection.
+    pub(super) fn send_from(&self, origin: u64, payload: &[u8]) {
+        let arrived = Arrived {
+            form: Encoding::Cdr.into(),
+            origin: Some(Origin(origin)),
+        };
+        let (stream, bytes) = (Stream::WheelOdometry, || payload.to_vec());
+        self.fleet
+            .receive(&id("robot"), stream, arrived, payload.len(), bytes);
+    }
+}
+
 async fn sent(messages: impl Iterator<Item = Vec<u8>>) -> RobotView {
     let bench = bench(&["robot"]);
     for (number, message) in messages.enumerate() {
@@ -65,4 +78,52 @@ async fn nothing_of_one_robot_is_refused_for_its_stamps() {
     let view = sent(messages).await;
     assert_eq!((view.counters.processed, view.counters.refused), (400, 200));
     assert_eq!(view.warnings, []);
+}
+
+/// Returns the number of drive samples in the shown estimate.
+fn samples(bench: &Bench) -> u64 {
+    let estimate = bench.view("robot").estimate;
+    estimate.map_or(0, |estimate| estimate.counts.drive_samples)
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_was_learnt_of_two_senders_is_neither_shown_nor_stored() {
+    let bench = bench(&["robot"]);
+    let send = async |number: i64, origin| {
+        bench.send_from(origin, &winding(number, number * 10 * MS, None));
+        if number % 50 == 49 {
+            bench.worked_off("robot").await;
+        }
+    };
+    for number in 0..1_100 {
+        send(number, 1).await;
+    }
+    let event = RobotEvent {
+        kind: NoteKind::Reassembled,
+        stamp_ns: RobotTime(BEGIN_NS),
+        note: String::new(),
+    };
+    let number = AuditId(1);
+    let noted = Noted { number, event };
+    bench.fleet.note(&id("robot"), noted).unwrap();
+    bench.noted("robot", number).await;
+    for number in 1_100..2_050 {
+        send(number, 1).await;
+    }
+    assert!(samples(&bench) >= 2_000);
+    for number in 2_050..2_100 {
+        send(number, number as u64 % 2).await;
+    }
+    assert!(bench.view("robot").is_warned(WarningKind::TwoSenders));
+    // The last state but one is from 10 s; the one from 20 s may have data of both.
+    let shown = samples(&bench);
+    assert!((900..=1_150).contains(&shown), "{shown} samples");
+    assert!(bench.view("robot").reassembly_open);
+
+    // A killed service writes nothing more.
+    let checkpoints = bench.kept.checkpoints.lock().unwrap().clone();
+    let again = bench_with(&["robot"], checkpoints, Calibrator::step);
+    again.restored("robot").await;
+    assert_eq!(samples(&again), shown);
+    assert!(again.view("robot").reassembly_open);
 }

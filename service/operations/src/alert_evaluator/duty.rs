@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use fleetcal_cluster::{Cluster, Duty, cluster_sightings};
 use fleetcal_domain::alert::{
-    AlertKind, Sighting, Situation, Step, Subject, group_silent, sightings, step,
+    AlertKind, Sighting, Situation, Step, Subject, group_silent, sessions_full, sightings, step,
 };
 use fleetcal_domain::approval::{Deployment, RobotLedger};
 use fleetcal_domain::limits;
@@ -171,6 +171,8 @@ impl AlertEvaluator {
         if let Some(cluster) = cluster {
             seen.extend(cluster_sightings(&cluster.snapshot(), &self.inner.policy));
         }
+        let crowded = self.inner.fleet.peers().crowded();
+        seen.push(sessions_full(crowded, &self.inner.policy));
         seen.retain(|(subject, one)| self.is_news(subject, one, now));
         seen.truncate(limits::ALERTS_AT_ONCE_MAX);
         if seen.is_empty() {

@@ -1,6 +1,7 @@
 //! Decision on one robot's records: they are loaded, the pure [`step`] is applied, and its outcome
 //! is saved with its audit, its history and its messages, in one transaction.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use async_trait::async_trait;
@@ -12,10 +13,10 @@ use fleetcal_domain::approval::{
     automatic, nominal_values, step,
 };
 use fleetcal_domain::limits;
-use fleetcal_domain::robot::RobotView;
+use fleetcal_domain::robot::{CrossTrack, RobotView};
 use fleetcal_domain::standing::{self, RobotAlerts, StandingBasis};
 use fleetcal_domain::webhook::Message;
-use fleetcal_model::{NoteKind, Pose2, ProposalId, RobotTime, WallTime};
+use fleetcal_model::{Generation, NoteKind, Pose2, ProposalId, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_store::transaction::AnswerScope;
@@ -54,6 +55,8 @@ pub struct Decide {
     pub present: Present,
     /// View of the robot at this moment; `None` for one that the fleet lacks.
     pub view: Option<Box<RobotView>>,
+    /// Cross-track errors of the robot, by generation.
+    pub cross_tracks: BTreeMap<Generation, CrossTrack>,
 }
 
 /// Result of a decision.
@@ -82,6 +85,9 @@ impl Job for Decide {
         let policy = policy.unwrap_or(*self.given_policy);
         let outcome = self.step(records, &policy).await?;
         records.save_outcome(&outcome).await?;
+        if let Some(certificate) = self.certificate(records, &outcome).await? {
+            records.save_certificate(&certificate).await?;
+        }
         for entry in self.audit(&outcome) {
             records.append_audit(&entry).await?;
         }

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use fleetcal_domain::access::Actor;
-use fleetcal_domain::approval::{Command, Situation, automatic, due, nominal_values};
-use fleetcal_domain::robot::{RobotState, RobotView};
+use fleetcal_domain::approval::{Command, Objections, Situation, automatic, due, nominal_values};
+use fleetcal_domain::robot::{RobotState, RobotView, WarningKind};
 use fleetcal_model::WallTime;
 use fleetcal_store::StoreError;
 use tokio::time::MissedTickBehavior;
@@ -78,8 +78,11 @@ impl Lifecycle {
         let situation = Situation {
             now,
             estimate,
-            reassembly_open: view.reassembly_open,
-            vehicle_changed: view.state == RobotState::Changed,
+            objections: Objections {
+                reassembly_open: view.reassembly_open,
+                two_senders: view.is_warned(WarningKind::TwoSenders),
+                vehicle_changed: view.state == RobotState::Changed,
+            },
             stable,
             verification: verification.map(|(_, estimate)| estimate.as_ref()),
             nominal: config

@@ -5,6 +5,7 @@
 //! is the asynchronous part between them.
 
 mod answers;
+mod certificate;
 mod cluster;
 mod decide;
 mod duty;
@@ -32,7 +33,7 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{
     Command, DeploymentState, Policy, Present, RobotLedger, values_and_sigmas,
 };
-use fleetcal_domain::robot::RobotState;
+use fleetcal_domain::robot::{RobotState, WarningKind};
 use fleetcal_fleet::budget::LossLog;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::{PublicKey, SigningKey};
@@ -257,6 +258,7 @@ impl Lifecycle {
             rear_axle_in_base_link: self.inner.fleet.rear_axle_in_base_link(robot),
             present: self.present(robot),
             view: self.inner.fleet.robot(robot).map(Box::new),
+            cross_tracks: self.inner.fleet.cross_tracks(robot),
         };
         let decided = self.inner.store.transact(decision).await?;
         if let Decided::Taken(outcome) = &decided {
@@ -283,6 +285,9 @@ impl Lifecycle {
         };
         if view.reassembly_open {
             return Present::Reassembled;
+        }
+        if view.is_warned(WarningKind::TwoSenders) {
+            return Present::TwoSenders;
         }
         match view.state {
             RobotState::Changed => Present::VehicleChanged,

@@ -163,6 +163,7 @@ async fn forget_migrations(raw: &mut sqlx::SqliteConnection, from: i64) {
         .unwrap();
     for added in [
         "DROP TABLE setup_code",
+        "DROP TABLE certificate",
         "ALTER TABLE robot DROP COLUMN drawn_by",
     ] {
         sqlx::query(added).execute(&mut *raw).await.unwrap();

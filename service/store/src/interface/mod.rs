@@ -3,6 +3,7 @@
 mod accounts;
 mod alerts;
 mod approvals;
+mod certificates;
 mod cluster;
 mod policy;
 mod webhooks;

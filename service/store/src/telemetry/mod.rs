@@ -210,16 +210,19 @@ pub enum Aged {
     Answers,
     /// Alerts, by their end.
     Alerts,
+    /// Certificates, by the time of the verification.
+    Certificates,
 }
 
 impl Aged {
     /// Every kind.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Seconds,
         Self::Minutes,
         Self::Hours,
         Self::Events,
         Self::Answers,
         Self::Alerts,
+        Self::Certificates,
     ];
 }

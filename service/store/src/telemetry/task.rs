@@ -247,6 +247,7 @@ fn kept_s(aged: Aged) -> i64 {
         Aged::Hours | Aged::Events => limits::HISTORY_HOURS_KEPT,
         Aged::Answers => limits::IDEMPOTENCY_KEPT,
         Aged::Alerts => limits::ALERTS_KEPT,
+        Aged::Certificates => limits::CERTIFICATES_KEPT,
     };
     i64::try_from(kept.as_secs()).unwrap_or(i64::MAX)
 }

@@ -5,6 +5,7 @@ use fleetcal_domain::approval::{NextIds, Outcome, Proposal, RobotLedger};
 use fleetcal_model::{Generation, ProposalId, RobotId};
 
 use crate::approvals::DeploymentFreeze;
+use crate::certificates::CertificateRecord;
 use crate::error::StoreError;
 use crate::policy::StoredPolicy;
 
@@ -26,6 +27,10 @@ pub trait ApprovalRecords {
 
     /// Stores the outcome of a step: records, documents and messages to send.
     async fn save_outcome(&mut self, outcome: &Outcome) -> Result<(), StoreError>;
+
+    /// Stores the certificate of a deployment.
+    async fn save_certificate(&mut self, certificate: &CertificateRecord)
+    -> Result<(), StoreError>;
 
     /// Reads the deployment freeze.
     async fn deployment_freeze(&mut self) -> Result<DeploymentFreeze, StoreError>;

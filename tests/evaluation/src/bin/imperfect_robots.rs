@@ -5,9 +5,9 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use fleetcal_evaluation::error::EvaluationError;
-use fleetcal_evaluation::imperfect::ImperfectExtent;
 use fleetcal_evaluation::imperfect::{
-    Campaign, Cell, Flaw, InjectedChange, Place, Road, Scenario, Sensor, Summary, Watch,
+    Campaign, Cell, Driven, Flaw, ImperfectExtent, InjectedChange, Place, Road, Scenario, Sensor,
+    Summary, Watch,
 };
 use fleetcal_evaluation::results::{Figure, Origin, Results};
 use fleetcal_evaluation::study::imperfect_robots;
@@ -234,9 +234,8 @@ fn campaign(arguments: &Arguments, cells: &[Cell]) -> Result<(), EvaluationError
     let extent = ImperfectExtent {
         seeds: arguments.seeds,
         length_s: arguments.length,
-        strong: true,
+        driven: Driven::All,
         change_seeds: arguments.change_seeds.unwrap_or(arguments.seeds),
-        all_changes: true,
     };
     let section = imperfect_robots::section(&extent, &mut campaign)?;
     std::fs::write(path, section.markdown()).map_err(|source| EvaluationError::Written {

@@ -16,7 +16,7 @@ mod tests;
 
 pub use campaign::{Campaign, Finished};
 pub use cell::{Cell, Flaw, InjectedChange, Place, Road, Scenario, Sensor, Speed};
-pub use extent::ImperfectExtent;
+pub use extent::{Driven, ImperfectExtent};
 pub use outcome::{ChangeOutcome, ClaimsOutcome, Flagged, Outcome, Snapshot};
 pub use robot::robot;
 pub use run::{Watch, run};

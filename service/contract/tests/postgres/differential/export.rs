@@ -7,11 +7,12 @@ use fleetcal_domain::access::SecretHash;
 use fleetcal_domain::alert::ConditionName;
 use fleetcal_domain::approval::ProposalState;
 use fleetcal_model::{
-    AlertId, AuditId, Generation, Parameter, ProposalId, UserId, WallTime, WebhookId,
+    AlertId, AuditId, DeploymentId, Generation, Parameter, ProposalId, UserId, WallTime, WebhookId,
 };
 use fleetcal_store::backend::Stretch;
 use fleetcal_store::{
-    AlertFilter, AlertSelection, AuditFilter, HistoryQuery, ProposalFilter, Store,
+    AlertFilter, AlertSelection, AuditFilter, CertificateFilter, HistoryQuery, ProposalFilter,
+    Store,
 };
 
 use super::chance::robots;
@@ -60,6 +61,7 @@ pub async fn everything(store: &Store, calls: &Calls) -> String {
     export.robots().await;
     export.history().await;
     export.approvals().await;
+    export.certificates().await;
     export.audit().await;
     export.alerts().await;
     export.webhooks().await;
@@ -172,6 +174,32 @@ impl Export<'_> {
             for generation in NUMBERS {
                 ask!(self, "envelope", envelope(&robot, Generation(generation)));
             }
+        }
+    }
+
+    async fn certificates(&mut self) {
+        let all = CertificateFilter {
+            limit: MANY,
+            ..CertificateFilter::default()
+        };
+        ask!(self, "certificates", certificates(&all));
+        for robot in robots() {
+            let of_robot = CertificateFilter {
+                robot: Some(robot),
+                before: Some(4),
+                limit: 2,
+                ..CertificateFilter::default()
+            };
+            ask!(self, "certificates", certificates(&of_robot));
+        }
+        let between = CertificateFilter {
+            from_ns: Some(WallTime((NOW_S + 100) * 1_000_000_000)),
+            to_ns: Some(WallTime((NOW_S + 500) * 1_000_000_000)),
+            ..all
+        };
+        ask!(self, "certificates", certificates(&between));
+        for number in NUMBERS {
+            ask!(self, "certificate", certificate(DeploymentId(number)));
         }
     }
 

@@ -19,7 +19,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::chance::{number, pick, robot, time, words};
-use super::lifecycle::{advance, close, propose};
+use super::lifecycle::{advance, certificate, close, propose};
 use super::methods::Calls;
 
 mod access;
@@ -234,6 +234,9 @@ impl Run<'_> {
             _ => advance(ledger, seed),
         };
         ask!(self, save_outcome(&outcome));
+        if let Some(certificate) = certificate(&outcome, self.now) {
+            ask!(self, save_certificate(&certificate));
+        }
         ask!(self, ledger(&robot, None));
         Ok(())
     }

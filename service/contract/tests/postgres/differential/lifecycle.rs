@@ -6,6 +6,7 @@ use fleetcal_domain::approval::{
 };
 use fleetcal_model::{Generation, Version, WallTime};
 use fleetcal_proto::calibration::{CalibrationValues, Envelope};
+use fleetcal_store::CertificateRecord;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -172,6 +173,23 @@ pub fn advance(ledger: RobotLedger, seed: u64) -> Outcome {
         ..live
     });
     outcome
+}
+
+/// Makes the certificate of a deployment that an outcome has ended.
+pub fn certificate(outcome: &Outcome, now: WallTime) -> Option<CertificateRecord> {
+    let ended = outcome.deployments.last()?;
+    (!ended.state.is_live()).then(|| CertificateRecord {
+        number: ended.id,
+        robot: ended.robot.clone(),
+        verified_ns: now,
+        approved_by: ended.approved_by.clone(),
+        envelope: Envelope {
+            document: format!("{{\"number\":{}}}", ended.id),
+            sha256: ended.offer.sha256.clone(),
+            key_id: "key".to_owned(),
+            signature: ended.approved_by.clone(),
+        },
+    })
 }
 
 fn values(chance: &mut ChaCha8Rng) -> CalibrationValues {

@@ -58,6 +58,26 @@ fn nothing_is_wrong_with_a_robot_that_is_as_it_should_be() {
 }
 
 #[test]
+fn places_of_sessions_that_are_taken_are_an_alert_of_the_fleet_unless_it_is_off() {
+    let mut policy = AlertPolicy::default();
+    let seen = |crowded: Option<&str>, policy: &AlertPolicy| {
+        let (subject, seen) = sessions_full(crowded.map(str::to_owned), policy);
+        assert_eq!(
+            (&subject, seen.kind),
+            (&Subject::Fleet, AlertKind::SessionsFull)
+        );
+        (seen.observation, seen.what)
+    };
+    let what = "10.0.0.1 has all of its share";
+    let (crowded, firing) = (Some(what), (Observation::Firing, what.to_owned()));
+    let clear = (Observation::Clear, String::new());
+    assert_eq!(seen(crowded, &policy), firing);
+    assert_eq!(seen(None, &policy), clear);
+    policy.off.push(AlertKind::SessionsFull);
+    assert_eq!(seen(crowded, &policy), clear);
+}
+
+#[test]
 fn a_robot_on_a_former_key_is_told_of_until_it_stops() {
     let mut case = case();
     let warning = Warning::former_key("fleet/tugger_01/wheel_odometry");
@@ -287,6 +307,8 @@ fn each_state_of_the_newest_deployment_fires_its_own_alert() {
                 residual: [0.02, 0.0, 0.0, 0.0],
                 sigma: [0.001; 4],
                 within: false,
+                limits: None,
+                evidence: None,
             }),
             ..latest
         });
@@ -314,6 +336,8 @@ fn a_failed_verification_clears_once_the_estimate_agrees_with_what_the_robot_use
                 residual: [0.02, 0.0, 0.0, 0.0],
                 sigma: [0.001; 4],
                 within: false,
+                limits: None,
+                evidence: None,
             });
             case.ledger.shadow.desired = Some(latest.offer.clone());
             case.latest = Some(latest);

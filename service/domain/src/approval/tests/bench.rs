@@ -11,8 +11,8 @@ use fleetcal_proto::signing::SigningKey;
 
 use crate::access::{Actor, Authentication, Role};
 use crate::approval::{
-    Command, DeploymentState, Drawing, NextIds, Policy, Present, Refused, RobotLedger, Situation,
-    Standing, due, step,
+    Command, DeploymentState, Drawing, NextIds, Objections, Policy, Present, Refused, RobotLedger,
+    Situation, Standing, due, step,
 };
 
 pub(super) const NOW_NS: i64 = 1_763_700_000_000_000_000;
@@ -54,6 +54,7 @@ pub(super) fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
         detection: None,
         consistency: Consistency::default(),
         counts: Counts::default(),
+        motions: None,
         lidar_in_base_link: None,
         estimated_by: None,
     }
@@ -132,8 +133,10 @@ impl Bench {
         let situation = Situation {
             now: self.now,
             estimate: estimate.filter(|_| !verification),
-            reassembly_open: false,
-            vehicle_changed: false,
+            objections: Objections {
+                two_senders: self.present == Present::TwoSenders,
+                ..Objections::default()
+            },
             stable: true,
             verification: estimate.filter(|_| verification),
             nominal: self.drawing.as_ref().map(|drawing| drawing.values),

@@ -6,8 +6,8 @@ use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use super::bench::{Bench, NOW_NS, estimate, factory};
 use crate::access::Actor;
 use crate::approval::{
-    Command, DeploymentState, Evidence, Origin, Present, Refused, Situation, SyncState, Tolerance,
-    automatic, due, values_and_sigmas,
+    Command, DeploymentState, Evidence, Objections, Origin, Outdated, Present, Refused, Situation,
+    SyncState, Tolerance, automatic, due, values_and_sigmas,
 };
 
 #[test]
@@ -71,8 +71,10 @@ fn a_proposal_that_brings_nothing_any_more_is_closed() {
     let changed = Situation {
         now: bench.now,
         estimate: None,
-        reassembly_open: false,
-        vehicle_changed: true,
+        objections: Objections {
+            vehicle_changed: true,
+            ..Objections::default()
+        },
         stable: false,
         verification: None,
         nominal: None,
@@ -101,6 +103,37 @@ fn nobody_approves_what_the_present_estimate_speaks_against() {
     bench.present = present(0.050_5);
     bench.approve_as("ana").unwrap();
     assert_eq!(bench.state(), Some(DeploymentState::Queued));
+}
+
+#[test]
+fn nothing_estimated_holds_while_two_senders_use_the_id() {
+    let mut bench = Bench::new();
+    let found = estimate(0.05, 0);
+    bench.do_due(&found, false);
+    bench.present = Present::TwoSenders;
+    let refused = bench.approve_as("ana");
+    assert_eq!(refused, Err(Refused::Outdated(Outdated::TwoSenders)));
+    assert_eq!(bench.do_due(&found, false), Some("supersede"));
+    assert_eq!(bench.due(Some(&found), false), None);
+    let (values, sigmas) = values_and_sigmas(&found).unwrap();
+    let command = |origin| Command::Propose {
+        origin,
+        values,
+        sigmas,
+        evidence: Evidence::of(&found),
+        reason: None,
+    };
+    let refused = bench.try_to(command(Origin::Estimator), &Actor::service());
+    assert_eq!(refused, Err(Refused::TwoSenders));
+    bench.take(command(Origin::Person), &Actor::service());
+    bench.approve_as("ana").unwrap();
+
+    // An approved calibration that is not applied yet is withdrawn.
+    let mut bench = Bench::new();
+    bench.do_due(&found, false);
+    bench.approve();
+    bench.present = Present::TwoSenders;
+    assert_eq!(bench.do_due(&found, false), Some("void"));
 }
 
 #[test]

@@ -238,6 +238,8 @@ fn command(attempt: Attempt, model: &Model, now: WallTime) -> Option<Command> {
                 residual: [0.0; 4],
                 sigma: [0.0; 4],
                 within,
+                limits: None,
+                evidence: None,
             },
         },
         Attempt::GiveUp { right } => Command::GiveUp {

@@ -1,5 +1,7 @@
 //! Simulated robot that drives through the whole service: mailbox, estimators, lifecycle and store.
 
+use fleetcal_domain::approval::Present;
+use fleetcal_fleet::{Arrived, Origin};
 use fleetcal_model::{Generation, RobotTime, Stream};
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::ros::RosMessage;
@@ -13,12 +15,14 @@ use super::*;
 /// Steering offset of the robot, rad.
 const OFFSET_RAD: f64 = 0.05;
 /// Messages that are sent before the robot's task must have processed them.
-const BURST: usize = 32;
+const BURST: u64 = 32;
 
 /// Robot on the figure-eight whose stamps follow the bench's clock.
 pub(super) struct Driver {
     simulation: Simulation,
     pub(super) distance_m: f64,
+    /// Connections by which its messages come in turn.
+    senders: u64,
 }
 
 /// Simulation of a robot on the figure-eight that sends poses.
@@ -51,6 +55,7 @@ impl Driver {
         Self {
             simulation: Simulation::new(config).unwrap(),
             distance_m: 0.0,
+            senders: 1,
         }
     }
 
@@ -84,9 +89,13 @@ impl Driver {
                 }
                 _ => continue,
             };
+            let arrived = Arrived {
+                form: Encoding::Cdr.into(),
+                origin: Some(Origin(sent % self.senders)),
+            };
             let bytes = payload.len();
             let fleet = &bench.fleet;
-            fleet.receive(&robot(), stream, Encoding::Cdr, bytes, || payload);
+            fleet.receive(&robot(), stream, arrived, bytes, || payload);
             sent += 1;
             if sent % BURST == 0 {
                 taken(bench).await;
@@ -110,6 +119,24 @@ async fn taken(bench: &Bench) {
     while bench.fleet.robot(&robot()).unwrap().counters.waiting > 0 {
         tokio::time::sleep(Duration::from_millis(1)).await;
     }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_was_learnt_of_two_senders_is_approved_by_nobody() {
+    let bench = Bench::open(Policy::default()).await;
+    let mut driver = Driver::new(&bench);
+    let is_proposed = || bench.lifecycle.ledger(&robot()).open.is_some();
+    for _ in 0..120 {
+        if is_proposed() {
+            break;
+        }
+        driver.second(&bench).await;
+    }
+    assert!(is_proposed());
+    driver.senders = 2;
+    driver.second(&bench).await;
+    assert_eq!(bench.lifecycle.present(&robot()), Present::TwoSenders);
+    assert!(!is_proposed());
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

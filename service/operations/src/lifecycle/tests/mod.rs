@@ -1,5 +1,6 @@
 //! Lifecycle on the real store and the real fleet, with a clock that the tests control.
 
+mod certificates;
 mod driven;
 mod requests;
 mod restarts;
@@ -248,6 +249,8 @@ impl Bench {
             residual: [0.0; 4],
             sigma: [0.0; 4],
             within,
+            limits: None,
+            evidence: None,
         };
         let command = Command::Judge {
             deployment,
