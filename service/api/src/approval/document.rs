@@ -191,7 +191,8 @@ struct GainDocument {
     /// Expected root mean square with the proposed values if all lasting errors come from the
     /// calibration, m.
     expected_rms_m: f64,
-    /// Expected root mean square if of these only the mean comes from it, m.
+    /// Expected root mean square if of these only the mean comes from it and errors of other minutes
+    /// are larger by chance, m.
     expected_rms_max_m: f64,
 }
 

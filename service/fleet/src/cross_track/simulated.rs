@@ -140,7 +140,7 @@ fn what_narrow_bends_leave_is_within_what_was_expected() {
     let route = Route::aisle_loop();
     for (seed, off) in (1..).zip(OFF) {
         check(seed, &route, off, |promise, after_m| {
-            after_m > promise.expected_rms_m && after_m < promise.expected_rms_max_m * 1.1
+            after_m > promise.expected_rms_m && after_m < promise.expected_rms_max_m
         });
     }
 }
