@@ -1,9 +1,13 @@
+import { readFile } from 'node:fs/promises';
 import { another, DEMO_ROBOTS, proposal, PROPOSED_WITHIN_MS, tabTo, waiting } from './decisions';
 import { accessible, expect, openPart, test } from './fixtures';
 
 test.use({ as: 'approver', own: 'approval' });
 test.describe.configure({ mode: 'serial' });
 test.setTimeout(PROPOSED_WITHIN_MS + 60_000);
+
+/** A robot of the demo has driven far enough for a verdict this long after the approval. */
+const VERIFIED_WITHIN_MS = 120_000;
 
 const CHANGED = 'Updated while you were viewing.';
 
@@ -211,6 +215,32 @@ test('a calibration is rolled back, with a reason, and stands among the deployme
   await expect(page.getByText('Rolled back').first()).toBeVisible({ timeout: 60_000 });
   await expect(page.getByText('It pulls to the left').first()).toBeVisible();
   await expect(page.getByText('Generation 2').first()).toBeVisible();
+});
+
+test('a verified calibration has a certificate to print and to save', async ({ page }) => {
+  test.setTimeout(VERIFIED_WITHIN_MS + 60_000);
+  const newest = async () => {
+    const answer = await page.request.get('/api/v1/certificates');
+    const { items } = (await answer.json()) as { items: { number: number; robot: string }[] };
+    return items[0];
+  };
+  await expect.poll(newest, { timeout: VERIFIED_WITHIN_MS }).toBeDefined();
+  const certificate = await newest();
+  if (!certificate) throw new Error('nothing is certified');
+  const { number, robot } = certificate;
+  await page.goto(`/certificates?robot=${robot}`);
+  const link = page.getByRole('link', { name: `Certificate ${number}`, exact: true });
+  await expect(link).toBeVisible();
+  await page.goto(`/robots/${robot}?show=history`);
+  const download = page.waitForEvent('download');
+  await page.getByRole('link', { name: `JSON of certificate ${number}` }).click();
+  const file = await readFile(await (await download).path(), 'utf8');
+  expect(file).toMatch(/^\{"document":/);
+  await link.click();
+  const title = `Calibration certificate ${number} of ${robot}`;
+  await expect(page.getByRole('heading', { level: 1, name: title })).toBeVisible();
+  await expect(page.getByText('Cross-track error')).toBeVisible();
+  await accessible(page);
 });
 
 test.describe('an operator', () => {

@@ -10,6 +10,7 @@ const PAGES = [
   ['/alerts', 'Alerts'],
   ['/alerts?state=normal', 'Alerts'],
   ['/audit', 'Audit'],
+  ['/certificates', 'Certificates'],
   ['/settings', 'Settings'],
   ['/settings/users', 'Settings'],
   ['/settings/tokens', 'Settings'],

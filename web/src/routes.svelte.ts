@@ -10,6 +10,7 @@ export type Route =
   | { page: 'proposal'; id: number }
   | { page: 'alerts' }
   | { page: 'audit' }
+  | { page: 'certificates' }
   | { page: 'settings'; of: Setting }
   | { page: 'health' }
   | { page: 'setup' }
@@ -23,6 +24,7 @@ const PLAIN: Record<string, Route> = {
   '/approvals': { page: 'approvals' },
   '/alerts': { page: 'alerts' },
   '/audit': { page: 'audit' },
+  '/certificates': { page: 'certificates' },
   '/settings': { page: 'settings', of: 'policy' },
   '/health': { page: 'health' },
   '/setup': { page: 'setup' },

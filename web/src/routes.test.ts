@@ -7,6 +7,7 @@ describe('routes', () => {
     expect(route('/robots/tugger_01')).toEqual({ page: 'robot', id: 'tugger_01' });
     expect(route('/setup')).toEqual({ page: 'setup' });
     expect(route('/account')).toEqual({ page: 'account' });
+    expect(route('/certificates')).toEqual({ page: 'certificates' });
     expect(route('/help')).toEqual({ page: 'help' });
     expect(route('/approvals')).toEqual({ page: 'approvals' });
     expect(route('/approvals/12')).toEqual({ page: 'proposal', id: 12 });

@@ -1,7 +1,7 @@
 /** The records of one robot's calibration, as displayed on its page. */
 
 import { Reading } from '../api/reading.svelte';
-import type { CrossTrackErrors, DeploymentPage, Shadow } from '../api/types';
+import type { CertificatePage, CrossTrackErrors, DeploymentPage, Shadow } from '../api/types';
 import { fleet, robotUrl } from '../fleet/fleet.svelte';
 
 const REREAD_EVERY_MS = 20_000;
@@ -12,6 +12,7 @@ export class CalibrationRecords {
   readonly shadow: Reading<Shadow>;
   readonly deployments: Reading<DeploymentPage>;
   readonly crossTrack: Reading<CrossTrackErrors>;
+  readonly certificates: Reading<CertificatePage>;
   #id: string;
 
   constructor(id: string) {
@@ -19,6 +20,8 @@ export class CalibrationRecords {
     const path = robotUrl(id);
     this.shadow = new Reading(() => `${path}/shadow`);
     this.deployments = new Reading(() => `${path}/deployments?limit=${DEPLOYMENTS_MAX}`);
+    const robot = new URLSearchParams({ robot: id, limit: String(DEPLOYMENTS_MAX) });
+    this.certificates = new Reading(() => `/certificates?${robot}`);
     this.crossTrack = new Reading(() => `${path}/cross_track_error`);
   }
 
@@ -32,11 +35,13 @@ export class CalibrationRecords {
       gathering = setTimeout(() => {
         void this.shadow.load();
         void this.deployments.load();
+        void this.certificates.load();
       }, GATHER_MS);
     };
     const stops = [
       this.shadow.run(REREAD_EVERY_MS),
       this.deployments.run(REREAD_EVERY_MS),
+      this.certificates.run(REREAD_EVERY_MS),
       this.crossTrack.run(REREAD_EVERY_MS),
       fleet.listen({
         approval: (robot) => {
