@@ -9,6 +9,28 @@ const UNDECIDED: &str = "multistream=auto";
 /// Prefix of both settings.
 const STREAMS: &str = "multistream=";
 
+/// Text that is no endpoint.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("got {0:?}, expected PROTOCOL/ADDRESS such as tcp/192.0.2.7:7447")]
+pub struct EndpointRefused(String);
+
+/// Parses an endpoint as far as its form: a protocol, a slash, and the rest.
+///
+/// # Errors
+/// [`EndpointRefused`] names the text.
+pub fn parse(text: &str) -> Result<String, EndpointRefused> {
+    let is_protocol = |name: &str| {
+        let is_of_name = |c: char| c.is_ascii_alphanumeric() || c == '-';
+        !name.is_empty() && name.chars().all(is_of_name)
+    };
+    match text.split_once('/') {
+        Some((protocol, address)) if is_protocol(protocol) && !address.is_empty() => {
+            Ok(text.to_owned())
+        }
+        _ => Err(EndpointRefused(text.to_owned())),
+    }
+}
+
 /// Sets a QUIC endpoint to one stream; any other endpoint, and one that sets its number of streams,
 /// stays unchanged.
 ///
@@ -78,6 +100,24 @@ mod tests {
             ("tcp/h:1?prio=6-7", "tcp/h:1?prio=6-7"),
         ] {
             assert_eq!(in_order(given), wanted);
+        }
+    }
+
+    #[test]
+    fn an_endpoint_is_a_protocol_and_an_address() {
+        for given in [
+            "tcp/[::1]:7447",
+            "quic/h:1?a=b#c=d",
+            "unixsock-stream//tmp/s",
+        ] {
+            assert_eq!(parse(given).unwrap(), given);
+        }
+        for given in ["", "bogus", "10.0.0.7:7447", "/h:1", "tcp/", "tcp :/h:1"] {
+            let refused = parse(given).unwrap_err().to_string();
+            assert!(
+                refused.starts_with(&format!("got {given:?}, expected")),
+                "{refused}"
+            );
         }
     }
 

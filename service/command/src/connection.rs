@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use fleetcal_proto::endpoint;
 use fleetcal_robot::Connection;
 
 /// Endpoints and configuration of the connection.
@@ -14,6 +15,7 @@ pub struct ConnectionArguments {
         short = 'e',
         long,
         value_name = "ENDPOINT",
+        value_parser = endpoint::parse,
         required_unless_present = "zenoh_config"
     )]
     pub connect: Vec<String>,

@@ -8,7 +8,7 @@ use fleetcal_clock::SharedClock;
 use fleetcal_config::line_of;
 use fleetcal_model::{Pose2, VehicleModel};
 use fleetcal_proto::signing::{PublicKey, TrustedKeys};
-use fleetcal_proto::{KeyRoot, Keys};
+use fleetcal_proto::{KeyRoot, Keys, endpoint};
 use fleetcal_robot::Connection;
 use fleetcal_robot::fleet::{
     FleetOptions, RobotSummary, START_STAMP_S, SimulatedRobot, record_wrong, run_fleet,
@@ -32,6 +32,7 @@ pub struct Arguments {
         short = 'e',
         long,
         value_name = "ENDPOINT",
+        value_parser = endpoint::parse,
         required_unless_present_any = ["zenoh_config", "record", "configuration"]
     )]
     pub connect: Vec<String>,

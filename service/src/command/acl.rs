@@ -9,7 +9,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use fleetcal_command::output::print_text;
 use fleetcal_config::Config;
 use fleetcal_link::{Identity, RouterCertificate, StrictRouter, is_robots_own};
-use fleetcal_proto::{KeyRoot, Keys, RobotId};
+use fleetcal_proto::{KeyRoot, Keys, RobotId, endpoint};
 
 use crate::command::{CommandError, passwords};
 
@@ -87,14 +87,14 @@ pub struct GenerateArguments {
     pub stream: Vec<String>,
     /// An endpoint that the router listens on; may be repeated [default: tls/0.0.0.0:7447, without
     /// certificate tcp/0.0.0.0:7447]
-    #[arg(short = 'l', long, value_name = "ENDPOINT")]
+    #[arg(short = 'l', long, value_name = "ENDPOINT", value_parser = endpoint::parse)]
     pub listen: Vec<String>,
     /// Another router of the fleet, by the common name of its certificate: all messages that
     /// entered there pass; may be repeated
     #[arg(long, value_name = "NAME", requires = "tls_ca")]
     pub router: Vec<String>,
     /// An endpoint of another router; may be repeated
-    #[arg(short = 'e', long, value_name = "ENDPOINT", requires = "router")]
+    #[arg(short = 'e', long, value_name = "ENDPOINT", requires = "router", value_parser = endpoint::parse)]
     pub connect: Vec<String>,
     /// First chunk of every key [default: fleet, or from --config]
     #[arg(long, value_name = "CHUNK", value_parser = KeyRoot::parse)]

@@ -12,6 +12,7 @@ use fleetcal_command::output::print_text;
 use fleetcal_command::signals::Signals;
 use fleetcal_config::Config;
 use fleetcal_http::PublicUrl;
+use fleetcal_proto::endpoint;
 
 use crate::command::CommandError;
 use crate::command::stopping::stop_in_time;
@@ -54,10 +55,10 @@ pub struct Arguments {
     #[arg(long, value_name = "URL")]
     pub public_url: Option<PublicUrl>,
     /// Zenoh endpoint to listen on; may be repeated [default: tcp/127.0.0.1:7447]
-    #[arg(short = 'l', long, value_name = "ENDPOINT")]
+    #[arg(short = 'l', long, value_name = "ENDPOINT", value_parser = endpoint::parse)]
     pub listen: Vec<String>,
     /// Zenoh router to connect to; may be repeated
-    #[arg(short = 'e', long, value_name = "ENDPOINT")]
+    #[arg(short = 'e', long, value_name = "ENDPOINT", value_parser = endpoint::parse)]
     pub connect: Vec<String>,
     /// A native Zenoh configuration (.json5, .json, .yaml), used instead of the embedded router
     /// with its access list; --listen and --connect replace its endpoints, and QUIC endpoints are
