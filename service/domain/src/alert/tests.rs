@@ -360,6 +360,7 @@ fn a_cause_that_a_check_names_is_the_fault() {
             now: at(101),
             watched_since_ns: at(0),
             view,
+            in_sight: true,
             ledger: &ledger,
             latest: None,
             fault,

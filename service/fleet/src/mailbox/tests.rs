@@ -1,6 +1,6 @@
 //! Tests of a mailbox: messages kept, dropped and counted.
 
-use fleetcal_model::RobotTime;
+use fleetcal_model::{RobotTime, WallTime};
 use fleetcal_proto::Encoding;
 use proptest::prelude::*;
 
