@@ -24,7 +24,7 @@ export const KINDS: Record<AlertKind, Face> = {
   uncalibrated: STANDINGS.uncalibrated,
   routers_cut: {
     word: 'Routers cut',
-    shape: 'split',
+    shape: 'unlinked',
     tone: 'bad',
     meaning: 'Instances of the service do not receive each other.',
   },

@@ -24,6 +24,7 @@ export type Shape =
   | 'square-dash'
   | 'not-equal'
   | 'clock-off'
+  | 'unlinked'
   | 'full'
   | 'dash'
   | 'signal';
