@@ -131,7 +131,11 @@ fn wrong_flags_are_answered_in_one_sentence() {
             74,
             "/nowhere/a.json",
         ),
-        (with(file, &key, "nonsense", &[]), 2, "connect/endpoints"),
+        (
+            with(file, &key, "nonsense", &[]),
+            2,
+            "--connect <ENDPOINT>': got \"nonsense\", expected PROTOCOL/ADDRESS",
+        ),
         (
             with(file, &key, endpoint, &["--limits", "/nowhere/limits.toml"]),
             74,

@@ -13,12 +13,9 @@ use crate::watch::Watch;
 
 /// Driving robots.
 const DRIVING: usize = 60;
-/// Time after a start within which all robots have an instance, each with its even share, on a machine
-/// that does other things too.
-const CLAIMED_WITHIN: Duration = Duration::from_mins(1);
-/// Largest time until a joining instance has its share, as a multiple of the time after the start: half
-/// of the robots move then, a third of them now. Instances that keep each other busy took 3.7.
-const JOINED_RATIO_MAX: f64 = 3.0;
+/// Time after a start, a joining or an end within which all robots have an instance, each with its
+/// even share.
+const CLAIMED_WITHIN: Duration = Duration::from_secs(30);
 /// Limit at which a wait gives up: longer times than allowed are reported before.
 const WAIT_MAX: Duration = Duration::from_mins(3);
 const LOOK_EVERY: Duration = Duration::from_millis(200);
@@ -126,11 +123,9 @@ async fn a_cell_has_as_many_robots_as_may_be() {
          without an estimate {longest:.2?}"
     );
 
-    for took in [claimed, left] {
+    for took in [claimed, joined, left] {
         assert!(took <= CLAIMED_WITHIN, "{took:?}");
     }
-    let ratio = joined.div_duration_f64(claimed);
-    assert!(ratio <= JOINED_RATIO_MAX, "{joined:?} after {claimed:?}");
     let moves_max = MOVED_SHARE_MAX * robots as f64 / 3.0;
     assert!(
         moved as f64 <= moves_max,

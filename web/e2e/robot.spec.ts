@@ -240,14 +240,17 @@ for (const colorScheme of ['light', 'dark'] as const) {
         await page.setViewportSize({ width, height: 640 });
         expect(await sideways(page), `${part} scrolls sideways at ${width} px`).toBe(0);
         // What a robot is judged by is seen without scrolling its table.
-        const hidden = await page
-          .getByRole('table', { name: /^Estimate with/ })
-          .evaluateAll((tables) =>
-            tables.map(({ scrollWidth, parentElement }) =>
-              Math.max(0, scrollWidth - (parentElement?.clientWidth ?? 0)),
-            ),
-          );
-        expect(hidden, `numbers cut off at ${width} px`).toEqual(part === 'Overview' ? [0] : []);
+        const hidden = () =>
+          page
+            .getByRole('table', { name: /^Estimate with/ })
+            .evaluateAll((tables) =>
+              tables.map(({ scrollWidth, parentElement }) =>
+                Math.max(0, scrollWidth - (parentElement?.clientWidth ?? 0)),
+              ),
+            );
+        await expect
+          .poll(hidden, `numbers cut off at ${width} px`)
+          .toEqual(part === 'Overview' ? [0] : []);
       }
     }
   });

@@ -293,8 +293,8 @@ impl Cause {
         self.row().certain && !self.ends()
     }
 
-    /// True if the cause ends with what shows it: a stream that comes again is missing no more. All
-    /// other causes stay until the checks begin anew.
+    /// Returns `true` if the cause ends with what shows it: a stream that comes again is missing no more. All
+    /// other causes stay until the checks begin again.
     pub(crate) const fn ends(self) -> bool {
         matches!(self, Self::WheelOdometryMissing | Self::LidarMissing)
     }

@@ -10,6 +10,7 @@ mod description;
 mod export;
 mod metrics;
 mod metrics_text;
+mod notes;
 mod permission;
 mod policy;
 mod recording;

@@ -4,7 +4,7 @@ use fleetcal_description::{LidarMount, Proposal, Underivable};
 use fleetcal_estimator::{Pose2, VehicleModel};
 use fleetcal_proto::description::{DescribedValue, DescriptionDocument};
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::config::{Mount, RobotConfig, Wheelbase};
 use crate::streams::{Joints, RobotStreams, StreamsFields};
@@ -105,7 +105,7 @@ impl DescribedConfig {
     fn add(&mut self, key: &str, value: impl Serialize, source: String) {
         self.values.push(DescribedValue {
             key: key.to_owned(),
-            value: json!(value),
+            value: in_digits(json!(value)),
             source,
             used: false,
         });
@@ -302,6 +302,23 @@ fn joints_agree(used: &Joints, described: &Joints) -> bool {
         && radii.is_none_or(|(one, other)| lengths_agree(one, other))
 }
 
+/// Rounds the numbers of a value to nine decimals: sums of a drawing's lengths have bits beyond its
+/// digits.
+fn in_digits(value: Value) -> Value {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            let rounded = number.as_f64().map(|exact| (exact * 1e9).round() / 1e9);
+            json!(rounded)
+        }
+        Value::Array(items) => items.into_iter().map(in_digits).collect(),
+        Value::Object(fields) => {
+            let fields = fields.into_iter();
+            fields.map(|(key, field)| (key, in_digits(field))).collect()
+        }
+        other => other,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use fleetcal_description::Description;
@@ -316,6 +333,14 @@ mod tests {
         let mut description = Description::default();
         description.set_urdf(urdf).unwrap();
         DescribedConfig::of(&description.propose(frame))
+    }
+
+    #[test]
+    fn a_sum_of_lengths_is_shown_in_the_digits_of_the_drawing() {
+        assert_eq!(
+            in_digits(json!({"x_m": 0.4 + 0.8, "of": [0.1 + 0.2, 3], "name": "lidar"})),
+            json!({"x_m": 1.2, "of": [0.3, 3], "name": "lidar"})
+        );
     }
 
     #[test]
