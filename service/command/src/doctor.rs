@@ -118,10 +118,10 @@ impl Run {
             return;
         };
         let (of, form) = stream.kind();
-        let sighting = self.intake.sight(of, form, &message.payload);
         let taken = stream.read(&mut self.intake, message);
         let arrival_ns = i64::try_from(message.log_time_ns).unwrap_or(i64::MAX);
         let began = thread_cpu();
+        let sighting = self.intake.sight(of, form, &message.payload);
         self.checks.take(of, arrival_ns, sighting.as_ref(), &taken);
         let checked = thread_cpu();
         let scan = taken.as_ref().ok().and_then(scan_of);

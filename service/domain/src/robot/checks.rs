@@ -13,7 +13,6 @@ pub struct ChecksReport {
     /// Way of the LiDAR while its motion was looked at, m.
     pub way_m: f64,
     /// True while the motion is not looked at, because nothing was found.
-    #[serde(default)]
     pub resting: bool,
     /// Streams as they come.
     pub streams: Vec<CheckedStream>,
@@ -36,7 +35,6 @@ pub struct CheckedStream {
     /// Reason of the first refusal.
     pub first_refusal: Option<String>,
     /// Messages that were not used, by reason.
-    #[serde(default)]
     pub left_out: Vec<LeftOut>,
     /// Messages a second.
     pub rate_hz: f64,
@@ -89,7 +87,6 @@ pub struct CheckFinding {
     /// Time until the cause was named, s.
     pub after_s: Option<f64>,
     /// True if what is estimated from the messages cannot be right.
-    #[serde(default)]
     pub spoils_values: bool,
 }
 
