@@ -189,9 +189,7 @@ impl AlertKind {
                  was switched off on purpose: it does not alert until that ends."
             }
             Self::Fault => {
-                "Follow the joining check on the robot's page where one names a cause; else look at \
-                 the sensor that is named, its cable, and for surroundings in which it sees too \
-                 little."
+                "Follow the joining check; without one, look at the sensor, its cable and what it sees."
             }
             Self::Uncalibrated => {
                 "Decide on the robot's proposal once there is one, or propose the present estimate. \

@@ -138,6 +138,7 @@ impl ChecksReport {
     }
 
     /// Report of the named causes alone.
+    #[must_use]
     pub fn of_causes(&self) -> Self {
         Self {
             findings: self.named().cloned().collect(),
