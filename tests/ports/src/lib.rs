@@ -5,6 +5,8 @@
 //! system's range for that (32,768 and above on Linux, 49,152 and above elsewhere), and no process
 //! returns one twice.
 
+#![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
+
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::atomic::{AtomicU32, Ordering};
 
