@@ -37,5 +37,5 @@ pub use fleetcal_odometry::{
 };
 pub use merge::{JUMP_BACK_MIN_S, MergerPosition};
 pub use settings::{EstimatorSettings, Freedom};
-pub use stream::{DriveSample, Effect, Event, LidarPose, Note, NoteKind, RobotTime, Scan};
+pub use stream::{DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, RobotTime, Scan};
 pub use vehicle::{Vehicle, VehicleModel};

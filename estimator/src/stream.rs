@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::estimate::{Change, Estimate};
 use crate::geometry::Pose2;
+use crate::lidar_odometry::OdometryPose;
 
 /// Largest speed accepted from a drive sample, in m/s: beyond any warehouse vehicle.
 pub const SPEED_MAX_MPS: f64 = 50.0;
@@ -150,6 +151,8 @@ pub enum Effect {
     ChangeSized(Box<Change>),
     /// A message that came too late, twice, or could not be used; it was counted.
     Dropped(Dropped),
+    /// Result of LiDAR odometry for a scan, good or lost.
+    LidarMoved(Box<OdometryPose>),
     /// A new session that begins with this stamp: the clock jumped back by more than 5 s.
     SessionStarted(RobotTime),
 }

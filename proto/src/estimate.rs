@@ -66,6 +66,31 @@ impl Parameters {
         }
     }
 
+    /// Iterates over all parameters, to change them.
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut ParameterDocument> {
+        let Self {
+            steering_offset,
+            lidar_x,
+            lidar_y,
+            lidar_yaw,
+            speed_scale,
+            wheelbase,
+            time_offset,
+            steering_gain,
+        } = self;
+        [
+            steering_offset,
+            lidar_x,
+            lidar_y,
+            lidar_yaw,
+            speed_scale,
+            wheelbase,
+            time_offset,
+            steering_gain,
+        ]
+        .into_iter()
+    }
+
     /// Iterates over all parameters with their names, in the order of [`Parameter::ALL`].
     pub fn iter(&self) -> impl Iterator<Item = (Parameter, &ParameterDocument)> {
         Parameter::ALL

@@ -123,7 +123,7 @@ pub const CRATES: [Member; 30] = [
     member(
         "fleetcal-command",
         "service/command",
-        "certificate checks clock config description domain estimator fleet model operations proto robot",
+        "certificate clock config description domain estimator fleet model operations proto robot",
     ),
     member(
         "fleetcal",

@@ -4,6 +4,7 @@
 
 mod access;
 mod audit;
+mod checks;
 mod commands;
 mod folder;
 mod hostile;

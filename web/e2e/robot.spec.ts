@@ -38,6 +38,21 @@ test('it answers first: verdict, next step, deviation and gain, then parts with 
   }
 });
 
+test('the joining check says of a sound robot that nothing is wrong, with its streams', async ({
+  page,
+}) => {
+  await openPart(page, 'Evidence');
+  const card = page
+    .locator('section')
+    .filter({ has: page.getByRole('heading', { name: 'Joining check' }) });
+  await expect(card.getByText(/^Nothing is wrong/)).toBeVisible();
+  await expect(card.getByRole('list', { name: 'Checks' }).getByRole('listitem')).not.toHaveCount(0);
+  await expect(card.getByText('Wrong', { exact: true })).toHaveCount(0);
+  const streams = card.getByRole('region', { name: 'Streams as they come' });
+  await expect(streams.getByRole('rowheader', { name: 'wheel odometry' })).toBeVisible();
+  await expect(streams.getByRole('rowheader', { name: 'scan' })).toBeVisible();
+});
+
 test('times are said as people say them, with the rest as a tooltip', async ({ page }) => {
   await openPart(page, 'Overview');
   const time = page.getByRole('listitem').locator('time').first();

@@ -43,6 +43,11 @@ impl Check {
         Self::Vehicle,
     ];
 
+    /// Returns `true` if its result needs motion.
+    pub const fn needs_motion(self) -> bool {
+        !matches!(self, Self::Streams | Self::Stamps | Self::Scan)
+    }
+
     /// Its name: `steering` and so on.
     pub const fn name(self) -> &'static str {
         match self {
@@ -277,8 +282,19 @@ impl Cause {
         self.row().advice
     }
 
-    /// True if the cause ends with what shows it: a stream that comes again is missing no more. All
-    /// other causes stay.
+    /// The cause of a name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.iter().copied().find(|one| one.name() == name)
+    }
+
+    /// Returns `true` if what is estimated from the messages cannot be right: one that does not come spoils
+    /// nothing, and one that has more than one explanation may be right.
+    pub const fn spoils_values(self) -> bool {
+        self.row().certain && !self.ends()
+    }
+
+    /// Returns `true` if the cause ends with what shows it: a stream that comes again is missing no more. All
+    /// other causes stay until the checks begin again.
     pub(crate) const fn ends(self) -> bool {
         matches!(self, Self::WheelOdometryMissing | Self::LidarMissing)
     }

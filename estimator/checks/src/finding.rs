@@ -16,6 +16,15 @@ pub enum State {
 }
 
 impl State {
+    /// State of the check that names a cause.
+    const fn of(cause: Cause) -> Self {
+        if cause.row().certain {
+            Self::Wrong
+        } else {
+            Self::Unsure
+        }
+    }
+
     /// Its name: `ok`, `wrong`, `unsure` or `not_yet`.
     pub const fn name(self) -> &'static str {
         match self {
@@ -45,6 +54,19 @@ pub struct Finding {
 }
 
 impl Finding {
+    /// A cause that was named before, by another run of the checks.
+    pub fn named_before(cause: Cause, seen: String) -> Self {
+        let row = cause.row();
+        Self {
+            check: row.check,
+            state: State::of(cause),
+            cause: Some(cause),
+            seen,
+            after_m: 0.0,
+            after_s: 0.0,
+        }
+    }
+
     /// Returns the remedy, if a cause is named.
     pub fn advice(&self) -> Option<&'static str> {
         self.cause.map(Cause::advice)
@@ -127,11 +149,7 @@ impl Patience {
             let row = one.cause.row();
             Some(Finding {
                 check: row.check,
-                state: if row.certain {
-                    State::Wrong
-                } else {
-                    State::Unsure
-                },
+                state: State::of(one.cause),
                 cause: Some(one.cause),
                 seen: one.seen.clone(),
                 after_m: named.way_m,

@@ -15,7 +15,7 @@
 //!
 //! [`Checks`] receives messages one by one in bounded memory, and [`Checks::findings`] returns the
 //! wrong inputs, in words. A cause is named only once it showed at every look over 10 m more, or
-//! over 5 s where no motion is needed.
+//! over 5 s where no motion is needed. [`Watch`] repeats them for a robot that goes on sending.
 
 mod cause;
 mod checks;
@@ -23,6 +23,7 @@ mod curve;
 mod finding;
 mod fit;
 mod grid;
+mod inputs;
 mod lag;
 mod motion;
 mod naming;
@@ -31,8 +32,11 @@ mod scan_watch;
 mod stamps;
 mod steering_wrap;
 mod stream;
+mod watch;
 
 pub use cause::{Cause, Check};
 pub use checks::{Checks, Described, Head};
 pub use finding::{Finding, State};
+pub use inputs::Inputs;
 pub use stream::StreamReport;
+pub use watch::Watch;

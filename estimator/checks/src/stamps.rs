@@ -231,6 +231,9 @@ const SIDE: usize = 5;
 const STEP_MIN_S: f64 = 0.025;
 /// Smallest step over the spread of the windows on a side.
 const STEP_OVER_SPREAD: f64 = 4.0;
+/// Largest change of both ages from window to window: beyond it the receiver's clock was stepped, or
+/// messages are sent faster or slower than they are stamped, s.
+const BOTH_MAX_S: f64 = 0.02;
 
 /// Ages of LiDAR and wheels against each other: a step of one clock shows there, one of the receiver's
 /// does not.
@@ -238,6 +241,11 @@ const STEP_OVER_SPREAD: f64 = 4.0;
 pub(crate) struct AgeWatch {
     window_ends_ns: i64,
     least_s: [Option<f64>; 2],
+    /// Newest stamp of the wheels.
+    wheels: Option<RobotTime>,
+    /// Stamps of the wheels at the LiDAR's latest messages less those, s.
+    apart_s: Vec<f32>,
+    lidar_messages: usize,
     /// Least ages of the windows before, the oldest first.
     windows_s: Vec<[f64; 2]>,
     step: Option<(usize, f64)>,
@@ -254,6 +262,19 @@ impl AgeWatch {
         if let Some(least_s) = self.least_s.get_mut(of) {
             *least_s = Some(least_s.map_or(age_s, |least_s| least_s.min(age_s)));
         }
+        if of == 1 {
+            self.wheels = Some(stamp);
+        } else if let Some(wheels) = self.wheels {
+            let apart_s = wheels.seconds_since(stamp) as f32;
+            put(&mut self.apart_s, self.lidar_messages % LATEST, apart_s);
+            self.lidar_messages += 1;
+        }
+    }
+
+    /// Returns the stamps of the wheels less those of LiDAR messages that arrive with them, their median, s.
+    pub fn apart_s(&self) -> Option<f64> {
+        let mut apart_s: Vec<f64> = self.apart_s.iter().map(|apart| f64::from(*apart)).collect();
+        (!apart_s.is_empty()).then(|| quantile(&mut apart_s, 0.5))
     }
 
     fn close(&mut self) {
@@ -261,6 +282,13 @@ impl AgeWatch {
             self.windows_s.clear();
             return;
         };
+        let before = self.windows_s.last().copied();
+        if before.is_some_and(|[lidar_before_s, wheels_before_s]| {
+            let (lidar_by_s, wheels_by_s) = (lidar_s - lidar_before_s, wheels_s - wheels_before_s);
+            lidar_by_s.abs().min(wheels_by_s.abs()) > BOTH_MAX_S && lidar_by_s * wheels_by_s > 0.0
+        }) {
+            self.windows_s.clear();
+        }
         if self.windows_s.len() == 2 * SIDE {
             self.windows_s.remove(0);
         }
@@ -306,6 +334,7 @@ impl AgeWatch {
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
         self.windows_s.capacity() * size_of::<[f64; 2]>()
+            + self.apart_s.capacity() * size_of::<f32>()
     }
 }
 
@@ -393,5 +422,23 @@ mod tests {
         assert!(of == 0 && (step_s - 0.03).abs() < 1e-6, "{of} {step_s}");
         let (of, step_s) = step_of(0.0, -0.3, 0.0).unwrap();
         assert!(of == 1 && (step_s + 0.3).abs() < 1e-6, "{of} {step_s}");
+    }
+
+    #[test]
+    fn streams_that_are_sent_ten_times_as_fast_are_not_apart() {
+        let mut watch = AgeWatch::default();
+        for number in 0..30_000_i64 {
+            let time_s = number as f64 * 0.02;
+            // Now and then the sender pauses.
+            let late_s = 0.013 * f64::from((number / 700 % 3) as u32);
+            let arrival_ns = ((0.1 * time_s + late_s) * 1e9) as i64;
+            let stamp = RobotTime((time_s * 1e9) as i64);
+            watch.take(1, stamp, arrival_ns);
+            if number % 5 == 0 {
+                watch.take(0, stamp, arrival_ns);
+            }
+        }
+        assert_eq!(watch.step, None);
+        assert!(watch.apart_s().unwrap().abs() < 0.03);
     }
 }

@@ -47,6 +47,21 @@ pub struct StreamReport {
     pub frames: Vec<String>,
 }
 
+impl StreamReport {
+    /// Adds the counts of an earlier report on the same stream.
+    pub(crate) fn add(&mut self, before: &Self) {
+        self.messages += before.messages;
+        self.refused += before.refused;
+        self.repeated += before.repeated;
+        self.late += before.late;
+        self.gaps += before.gaps;
+        self.longest_gap_s = self.longest_gap_s.max(before.longest_gap_s);
+        if let Some(reason) = &before.first_refusal {
+            self.first_refusal = Some(reason.clone());
+        }
+    }
+}
+
 /// A stream as it comes.
 #[derive(Debug, Clone)]
 pub(crate) struct StreamWatch {

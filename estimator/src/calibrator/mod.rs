@@ -300,6 +300,7 @@ impl Calibrator {
 
     fn take_scan(&mut self, scan: &Scan, effects: &mut Vec<Effect>) {
         let pose = self.lidar_odometry.process(scan);
+        effects.extend(pose.clone().map(Box::new).map(Effect::LidarMoved));
         let pose = pose.filter(|pose| pose.tracking != Tracking::Lost);
         let is_guess = pose.as_ref().is_none_or(is_guess);
         let (distance_m, time_s) = (self.session.distance_m, self.session.duration_s());

@@ -144,7 +144,7 @@ pub fn drive_disturbed(
                 Effect::Estimate(estimate) => estimates.push((*estimate, simulation.parameters())),
                 Effect::Change(change) => changes.push(*change),
                 Effect::ChangeSized(change) => sized.push(*change),
-                Effect::Dropped(_) | Effect::SessionStarted(_) => {}
+                Effect::Dropped(_) | Effect::LidarMoved(_) | Effect::SessionStarted(_) => {}
             }
         }
     }

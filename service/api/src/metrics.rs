@@ -12,7 +12,7 @@ use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
 use fleetcal_cluster::Membership;
 use fleetcal_domain::alert::{AlertKind, ConditionName};
-use fleetcal_domain::robot::ConnectionState;
+use fleetcal_domain::robot::{CheckState, ConnectionState};
 use fleetcal_domain::standing::Standing;
 use fleetcal_fleet::{FleetCounters, SessionClosed};
 use fleetcal_http::Turned;
@@ -82,6 +82,8 @@ struct Snapshot {
     heard: BTreeMap<ConnectionState, u64>,
     /// Number of robots of each standing.
     standings: BTreeMap<Standing, u64>,
+    /// Number of joining checks in each state, over this process's robots.
+    checks: BTreeMap<CheckState, u64>,
     store: StoreCounters,
     /// Durations of transactions, by path.
     transactions: [(&'static str, Histogram); 2],
@@ -107,6 +109,7 @@ impl Snapshot {
         let standings = api.evaluator.standings();
         let now = api.clock.now();
         let mut heard: BTreeMap<_, _> = ConnectionState::ALL.iter().map(|one| (*one, 0)).collect();
+        let mut checks: BTreeMap<_, _> = CheckState::ALL.iter().map(|one| (*one, 0)).collect();
         let mut stand: BTreeMap<_, _> = Standing::ALL.iter().map(|one| (*one, 0)).collect();
         for robot in &robots {
             let ledger = api.lifecycle.ledger(&robot.id);
@@ -114,6 +117,11 @@ impl Snapshot {
                 .entry(connection_state(robot, &ledger, now))
                 .or_default() += 1;
             *stand.entry(standings.of(robot, &ledger)).or_default() += 1;
+            if api.membership.has(&robot.id) {
+                for finding in &robot.checks.findings {
+                    *checks.entry(finding.state).or_default() += 1;
+                }
+            }
         }
         let own = robots.iter().filter(|robot| api.membership.has(&robot.id));
         let own: Vec<_> = own.map(RobotFigures::of).collect();
@@ -126,6 +134,7 @@ impl Snapshot {
             lost_answers: api.lifecycle.answer_counters(),
             heard,
             standings: stand,
+            checks,
             store: api.store.counters(),
             transactions: api.store.transaction_durations(),
             scans: api.fleet.scan_durations(),
@@ -260,7 +269,8 @@ impl Snapshot {
             ("query_limit", fleet.unanswered_questions),
         ];
         let answers = self.lost_answers.iter().copied();
-        let all = by_reason.into_iter().chain(answers);
+        let left_out = fleet.left_out.iter().copied();
+        let all = by_reason.into_iter().chain(left_out).chain(answers);
         let help = "Messages, queries, events and answers that were lost or not used, by reason";
         let all = all.map(|(reason, count)| ([("reason", reason)], count));
         counters(out, "fleetcal_messages_dropped", help, all)
@@ -385,6 +395,10 @@ impl Snapshot {
         let standings = self.standings.iter();
         let standings = standings.map(|(standing, count)| (standing.as_str(), *count));
         gauges(out, "fleetcal_robots", help, "standing", standings)?;
+        let help = "Joining checks of this process's robots, by state";
+        let checks = self.checks.iter();
+        let checks = checks.map(|(state, count)| (state.name(), *count));
+        gauges(out, "fleetcal_joining_checks", help, "state", checks)?;
         let help = "Robots that are online, silent, or switched off on purpose";
         let heard = self.heard.iter();
         let heard = heard.map(|(connection, count)| (connection.name(), *count));

@@ -240,7 +240,7 @@ impl<'a> Run<'a> {
                 Effect::Change(change) | Effect::ChangeSized(change) => {
                     export.change(&document::change_document(change))?;
                 }
-                Effect::Dropped(_) | Effect::SessionStarted(_) => {}
+                Effect::Dropped(_) | Effect::LidarMoved(_) | Effect::SessionStarted(_) => {}
             }
         }
         Ok(())

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use fleetcal_checks::{Cause, Finding, StreamReport};
 use fleetcal_clock::thread_cpu;
-use fleetcal_domain::robot::Mount;
+use fleetcal_domain::robot::{CheckFinding, CheckedStream, Mount};
 use fleetcal_estimator::{LidarOdometry, Pose2};
 use fleetcal_fleet::{Intake, JoiningChecks, ReadingSettings, scan_of};
+use fleetcal_model::Stream;
 use fleetcal_robot::recording::{RecordedMessage, Recording};
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -47,67 +47,15 @@ pub(crate) struct DoctorReport {
     /// CPU time of LiDAR odometry, s.
     odometry_cpu_s: f64,
     /// Each stream as it came.
-    streams: Vec<StreamRow>,
+    streams: Vec<CheckedStream>,
     /// Every cause that is named, and an entry for each check that names none.
-    findings: Vec<FindingRow>,
+    findings: Vec<CheckFinding>,
 }
 
 impl DoctorReport {
     /// Goes up by one whenever a field is renamed or removed, or means something else. A field that
     /// is added leaves it.
     pub(crate) const SCHEMA_VERSION: u32 = 1;
-}
-
-/// A stream as it came.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-struct StreamRow {
-    /// Name of the stream: `wheel_odometry`, `steering`, `speed`, `scan` or `lidar_odometry`.
-    stream: &'static str,
-    /// Topic of the recording.
-    topic: String,
-    /// Messages that came.
-    messages: u64,
-    /// Messages that were refused.
-    refused: u64,
-    /// Reason of the first refusal.
-    first_refusal: Option<String>,
-    /// Messages a second.
-    rate_hz: f64,
-    /// Median time between stamps, ms.
-    period_ms: Option<f64>,
-    /// Median time from stamp to arrival, ms.
-    age_ms: Option<f64>,
-    /// Distance of the latest stamps from a whole number of periods, ms: four in five are nearer.
-    uneven_ms: Option<f64>,
-    /// Messages with the stamp of the one before.
-    repeated: u64,
-    /// Messages stamped before the one before.
-    late: u64,
-    /// Waits of more than five periods and half a second.
-    gaps: u64,
-    /// The longest of them, s.
-    longest_gap_s: f64,
-    /// Names of the frames.
-    frames: Vec<String>,
-}
-
-/// Result of a check.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-struct FindingRow {
-    /// Name of the check: `steering` and so on.
-    check: &'static str,
-    /// State of the check: `ok`, `wrong`, `unsure` or `not_yet`.
-    state: &'static str,
-    /// Name of the cause, where one is named: `steering_degrees` and so on.
-    cause: Option<&'static str>,
-    /// Evidence, or the missing motion.
-    seen: String,
-    /// Remedy, where a cause is named.
-    advice: Option<&'static str>,
-    /// Way of the LiDAR until the cause was named, m.
-    after_m: Option<f64>,
-    /// Time until the cause was named, s.
-    after_s: Option<f64>,
 }
 
 /// Runs the command.
@@ -123,7 +71,7 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     robot.config.nominal_extrinsics = arguments.nominal_yaw.or(robot.config.nominal_extrinsics);
     let mut run = Run {
         intake: Intake::new(ReadingSettings::of(&robot.config)),
-        checks: JoiningChecks::new(&robot.config),
+        checks: JoiningChecks::of_recording(&robot.config),
         odometry: LidarOdometry::default(),
         streams: streams(&robot.topics),
         checks_cpu_s: 0.0,
@@ -170,10 +118,10 @@ impl Run {
             return;
         };
         let (of, form) = stream.kind();
-        let sighting = self.intake.sight(of, form, &message.payload);
         let taken = stream.read(&mut self.intake, message);
         let arrival_ns = i64::try_from(message.log_time_ns).unwrap_or(i64::MAX);
         let began = thread_cpu();
+        let sighting = self.intake.sight(of, form, &message.payload);
         self.checks.take(of, arrival_ns, sighting.as_ref(), &taken);
         let checked = thread_cpu();
         let scan = taken.as_ref().ok().and_then(scan_of);
@@ -189,26 +137,19 @@ impl Run {
     }
 
     fn report(&self, robot: String) -> DoctorReport {
-        let row = |report: StreamReport| {
-            let of = self
-                .streams
-                .iter()
-                .find(|stream| stream.kind().0 == report.stream);
-            stream_row(report, of.map(RecordedStream::topic).unwrap_or_default())
+        let topic = |stream: Stream| {
+            let of = self.streams.iter().find(|of| of.kind().0 == stream);
+            of.map(|of| of.topic().to_owned()).unwrap_or_default()
         };
+        let checks = self.checks.report(topic);
         DoctorReport {
             schema_version: DoctorReport::SCHEMA_VERSION,
             robot,
-            way_m: self.checks.way_m(),
+            way_m: checks.way_m,
             checks_cpu_s: self.checks_cpu_s,
             odometry_cpu_s: self.odometry_cpu_s,
-            streams: self.checks.streams().into_iter().map(row).collect(),
-            findings: self
-                .checks
-                .findings()
-                .into_iter()
-                .map(finding_row)
-                .collect(),
+            streams: checks.streams,
+            findings: checks.findings,
         }
     }
 }
@@ -218,38 +159,6 @@ fn yawed(degrees: &str) -> Result<Mount, String> {
     let yaw_deg: f64 = degrees.parse().map_err(|_| "expected degrees".to_owned())?;
     let pose = Pose2::new(0.0, 0.0, yaw_deg.to_radians());
     Mount::try_from(pose).map_err(|refused| refused.to_string())
-}
-
-fn stream_row(report: StreamReport, topic: &str) -> StreamRow {
-    StreamRow {
-        stream: report.stream.name(),
-        topic: topic.to_owned(),
-        messages: report.messages,
-        refused: report.refused,
-        first_refusal: report.first_refusal,
-        rate_hz: report.rate_hz,
-        period_ms: report.period_ms,
-        age_ms: report.age_ms,
-        uneven_ms: report.uneven_ms,
-        repeated: report.repeated,
-        late: report.late,
-        gaps: report.gaps,
-        longest_gap_s: report.longest_gap_s,
-        frames: report.frames,
-    }
-}
-
-fn finding_row(finding: Finding) -> FindingRow {
-    let named = finding.cause.is_some();
-    FindingRow {
-        check: finding.check.name(),
-        state: finding.state.name(),
-        cause: finding.cause.map(Cause::name),
-        advice: finding.advice(),
-        after_m: named.then_some(finding.after_m),
-        after_s: named.then_some(finding.after_s),
-        seen: finding.seen,
-    }
 }
 
 /// The report as a person reads it: streams, then checks.
@@ -269,13 +178,14 @@ fn in_words(report: &DoctorReport) -> String {
     }
     lines.push(String::new());
     for row in &report.findings {
-        let state = row.state.replace('_', " ").to_uppercase();
+        let state = row.state.name().replace('_', " ").to_uppercase();
         lines.push(
             format!("{state:<8} {:<10} {}", row.check, row.seen)
                 .trim_end()
                 .to_owned(),
         );
-        if let (Some(advice), Some(after_m), Some(after_s)) = (row.advice, row.after_m, row.after_s)
+        if let (Some(advice), Some(after_m), Some(after_s)) =
+            (&row.advice, row.after_m, row.after_s)
         {
             lines.push(format!(
                 "{:<19} {advice} (seen after {after_m:.0} m, {after_s:.0} s)",
@@ -287,7 +197,7 @@ fn in_words(report: &DoctorReport) -> String {
     lines.join("\n")
 }
 
-fn stream_words(row: &StreamRow) -> String {
+fn stream_words(row: &CheckedStream) -> String {
     let mut words = vec![
         format!("{:<16} {} messages", row.stream, row.messages),
         format!("{:.1} Hz", row.rate_hz),

@@ -1,10 +1,10 @@
 //! Published documents made of an estimator's results.
 
-use fleetcal_domain::robot::Mount;
+use fleetcal_domain::robot::{CheckFinding, Mount};
 use fleetcal_estimator::Vehicle;
 use fleetcal_estimator::calibrator::Calibrator;
 use fleetcal_estimator::estimate::{self, Change, Estimate, ParameterEstimate, ParameterEstimates};
-use fleetcal_model::{Motions, Parameter, Pose2, RobotId};
+use fleetcal_model::{Motions, Parameter, ParameterStatus, Pose2, RobotId};
 use fleetcal_proto::estimate::{
     self as document, CalibrationReport, ChangeDocument, EstimateDocument, ParameterDocument,
     Parameters, Timing, VehicleDocument,
@@ -94,6 +94,23 @@ pub fn vehicle_document(vehicle: &Vehicle) -> VehicleDocument {
     VehicleDocument {
         model: vehicle.model,
         wheelbase_m: vehicle.wheelbase_m,
+    }
+}
+
+/// Lets an estimate give way to a finding with which none of its values can be right: nothing is
+/// converged, and what is needed is what the check says.
+pub fn give_way(document: &mut EstimateDocument, finding: &CheckFinding) {
+    let needs = format!("joining check of {}: {}", finding.check, finding.seen);
+    for parameter in document.parameters.iter_mut() {
+        if parameter.status == ParameterStatus::Converged {
+            parameter.status = ParameterStatus::Learning;
+        }
+        if matches!(
+            parameter.status,
+            ParameterStatus::Learning | ParameterStatus::Unobservable
+        ) {
+            parameter.needs = Some(needs.clone());
+        }
     }
 }
 

@@ -475,6 +475,7 @@ impl FleetHandle {
                 stream,
                 form,
                 origin,
+                arrived_ns: self.fleet.clock.now(),
                 payload: payload(),
             });
         }

@@ -1,7 +1,11 @@
 //! Joining checks of one robot: from its messages, as they come, to what is wrong with them.
 
-use fleetcal_checks::{Checks, Described, Finding, Head, StreamReport};
-use fleetcal_domain::robot::RobotConfig;
+use fleetcal_checks::{
+    Cause, Checks, Described, Finding, Head, Inputs, State, StreamReport, Watch,
+};
+use fleetcal_domain::robot::{
+    CheckFinding, CheckState, CheckedStream, ChecksReport, LeftOut, RobotConfig,
+};
 use fleetcal_estimator::lidar_odometry::OdometryPose;
 use fleetcal_estimator::{Event, Scan};
 use fleetcal_model::Stream;
@@ -10,25 +14,56 @@ use crate::decode::MessageRefused;
 use crate::intake::Taken;
 use crate::sighting::{Sighted, Sighting};
 
-/// The joining checks of a robot.
+/// The joining checks of a robot: [`Checks`] of a recording, or the [`Watch`] of a live one.
 #[derive(Debug)]
-pub struct JoiningChecks {
-    checks: Checks,
+pub struct JoiningChecks<C = Checks> {
+    checks: C,
 }
 
 impl JoiningChecks {
-    /// Checks of a robot as it was described.
-    pub fn new(config: &RobotConfig) -> Self {
-        let described = Described {
-            model: config.model,
-            wheelbase_m: config.wheelbase_m.metres(),
-            nominal_yaw_rad: config.nominal_extrinsics.map(|mount| mount.pose().yaw_rad),
-        };
+    /// Checks of a robot's recording.
+    pub fn of_recording(config: &RobotConfig) -> Self {
         Self {
-            checks: Checks::new(described),
+            checks: Checks::new(described(config)),
         }
     }
 
+    /// Returns the report, with the topic of each stream.
+    pub fn report(&self, topic: impl Fn(Stream) -> String) -> ChecksReport {
+        let Self { checks } = self;
+        ChecksReport {
+            way_m: checks.way_m(),
+            resting: false,
+            ..report(checks.streams(), checks.findings(), topic)
+        }
+    }
+}
+
+impl JoiningChecks<Watch> {
+    /// Checks of a robot that sends, with the findings before.
+    pub fn of_robot(config: &RobotConfig, former: &[CheckFinding]) -> Self {
+        let finding = |one: &CheckFinding| {
+            let cause = Cause::by_name(one.cause.as_deref()?)?;
+            Some(Finding::named_before(cause, one.seen.clone()))
+        };
+        let former = former.iter().filter_map(finding).collect();
+        Self {
+            checks: Watch::new(described(config), former),
+        }
+    }
+
+    /// Returns the report, with the topic of each stream.
+    pub fn report(&self, topic: impl Fn(Stream) -> String) -> ChecksReport {
+        let Self { checks } = self;
+        ChecksReport {
+            way_m: checks.way_m(),
+            resting: checks.rests(),
+            ..report(checks.streams(), checks.findings(), topic)
+        }
+    }
+}
+
+impl<C: Inputs> JoiningChecks<C> {
     /// Takes a message: what it says, and what it came to. `arrival_ns` is of a clock that is the same
     /// for all streams.
     pub fn take(
@@ -39,7 +74,7 @@ impl JoiningChecks {
         taken: &Result<Taken, MessageRefused>,
     ) {
         if let Err(refused) = taken {
-            self.checks.refuse(stream, arrival_ns, &refused.to_string());
+            self.refuse(stream, arrival_ns, &refused.to_string());
         }
         let Some(Sighting {
             stamp,
@@ -66,24 +101,95 @@ impl JoiningChecks {
         }
     }
 
+    /// Notes that a message was refused, and why.
+    pub fn refuse(&mut self, stream: Stream, arrival_ns: i64, reason: &str) {
+        if stream != Stream::Event {
+            self.checks.refuse(stream, arrival_ns, reason);
+        }
+    }
+
     /// Takes the pose that LiDAR odometry gives the latest scan.
     pub fn take_odometry(&mut self, pose: &OdometryPose) {
         self.checks.take_odometry(pose);
     }
+}
 
-    /// Returns the result of each check.
-    pub fn findings(&self) -> Vec<Finding> {
-        self.checks.findings()
+fn described(config: &RobotConfig) -> Described {
+    Described {
+        model: config.model,
+        wheelbase_m: config.wheelbase_m.metres(),
+        nominal_yaw_rad: config.nominal_extrinsics.map(|mount| mount.pose().yaw_rad),
     }
+}
 
-    /// Returns a report on each stream.
-    pub fn streams(&self) -> Vec<StreamReport> {
-        self.checks.streams()
+fn report(
+    streams: Vec<StreamReport>,
+    findings: Vec<Finding>,
+    topic: impl Fn(Stream) -> String,
+) -> ChecksReport {
+    ChecksReport {
+        streams: streams
+            .into_iter()
+            .map(|report| {
+                let topic = topic(report.stream);
+                stream_of(report, topic)
+            })
+            .collect(),
+        findings: findings.into_iter().map(finding_of).collect(),
+        ..ChecksReport::default()
     }
+}
 
-    /// The LiDAR's way so far, m.
-    pub fn way_m(&self) -> f64 {
-        self.checks.way_m()
+fn stream_of(report: StreamReport, topic: String) -> CheckedStream {
+    let mut stream = CheckedStream {
+        stream: report.stream.name().to_owned(),
+        topic,
+        messages: report.messages,
+        refused: report.refused,
+        first_refusal: report.first_refusal,
+        left_out: Vec::new(),
+        rate_hz: report.rate_hz,
+        period_ms: report.period_ms,
+        age_ms: report.age_ms,
+        uneven_ms: report.uneven_ms,
+        repeated: report.repeated,
+        late: report.late,
+        gaps: report.gaps,
+        longest_gap_s: report.longest_gap_s,
+        frames: report.frames,
+    };
+    leave_out(&mut stream, "refused", report.refused);
+    stream
+}
+
+/// Adds messages that were not used, for one reason, to the report on their stream.
+pub(crate) fn leave_out(stream: &mut CheckedStream, reason: &str, messages: u64) {
+    if messages > 0 {
+        let share = messages as f64 / stream.messages.max(messages) as f64;
+        stream.left_out.push(LeftOut {
+            reason: reason.to_owned(),
+            messages,
+            share,
+        });
+    }
+}
+
+fn finding_of(finding: Finding) -> CheckFinding {
+    let named = finding.cause.is_some();
+    CheckFinding {
+        check: finding.check.name().to_owned(),
+        state: match finding.state {
+            State::Ok => CheckState::Ok,
+            State::Wrong => CheckState::Wrong,
+            State::Unsure => CheckState::Unsure,
+            State::NotYet => CheckState::NotYet,
+        },
+        cause: finding.cause.map(|cause| cause.name().to_owned()),
+        advice: finding.advice().map(str::to_owned),
+        after_m: named.then_some(finding.after_m),
+        after_s: named.then_some(finding.after_s),
+        spoils_values: finding.cause.is_some_and(Cause::spoils_values),
+        seen: finding.seen,
     }
 }
 

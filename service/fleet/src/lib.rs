@@ -12,6 +12,7 @@ pub mod document;
 mod handle;
 mod intake;
 mod joining;
+mod left_out;
 pub mod live;
 mod mailbox;
 mod notes;

@@ -17,6 +17,7 @@ use tokio::sync::{broadcast, watch as watch_channel};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
+use crate::left_out::LeftOutReason;
 use crate::live::LiveUpdate;
 use crate::peers::PeerSessions;
 use crate::robot::Robot;
@@ -57,6 +58,8 @@ pub struct FleetCounters {
     pub missing: u64,
     /// Messages that were dropped because two senders use their robot's id.
     pub of_two_senders: u64,
+    /// Messages that an estimator left out, by reason.
+    pub left_out: Vec<(&'static str, u64)>,
     /// Estimators that panicked.
     pub estimator_panics: u64,
     /// Messages received from robots in each stream.
@@ -74,6 +77,7 @@ pub(crate) struct Counts {
     pub(crate) events_beyond_budget: AtomicU64,
     pub(crate) missing: AtomicU64,
     pub(crate) of_two_senders: AtomicU64,
+    pub(crate) left_out: [AtomicU64; LeftOutReason::COUNT],
     pub(super) estimator_panics: AtomicU64,
     pub(super) by_stream: [AtomicU64; Stream::COUNT],
 }
@@ -157,6 +161,11 @@ impl Fleet {
             events_beyond_budget: read(&counts.events_beyond_budget),
             missing: read(&counts.missing),
             of_two_senders: read(&counts.of_two_senders),
+            left_out: LeftOutReason::ALL
+                .iter()
+                .zip(&counts.left_out)
+                .map(|(reason, count)| (reason.name(), read(count)))
+                .collect(),
             estimator_panics: read(&counts.estimator_panics),
             by_stream: streams
                 .map(|(stream, count)| (stream.name(), read(count)))

@@ -7,7 +7,8 @@ use std::time::Duration;
 use fleetcal_cluster::{Epoch, InstanceId};
 use fleetcal_domain::limits::{DIGEST_BYTES_MAX, REPORT_EVENTS_MAX};
 use fleetcal_domain::robot::{
-    Counters, CrossTrack, HistoryEvent, PairingReport, RobotState, StreamView, Warning,
+    ChecksReport, Counters, CrossTrack, HistoryEvent, PairingReport, RobotState, StreamView,
+    Warning,
 };
 use fleetcal_model::{AuditId, Generation, RobotId, WallTime};
 use fleetcal_proto::estimate::EstimateDocument;
@@ -60,6 +61,9 @@ pub struct ReportDetails {
     pub pairing: Option<PairingReport>,
     /// Warnings about its messages.
     pub warnings: Vec<Warning>,
+    /// Causes that its joining checks name.
+    #[serde(default)]
+    pub checks: ChecksReport,
     /// An estimate from those messages alone that came since the values of this generation are in
     /// use.
     pub verification: Option<(Generation, Box<EstimateDocument>)>,

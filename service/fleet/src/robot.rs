@@ -1,5 +1,6 @@
 //! One robot's place in the fleet: its mailbox, its connection, and what its task last said.
 
+mod checks;
 mod estimators;
 mod mirror;
 mod notes;
@@ -12,12 +13,10 @@ use std::time::Duration;
 
 use fleetcal_clock::Clock;
 use fleetcal_domain::approval::Policy;
-use fleetcal_domain::limits::{
-    FORMER_KEY_WARNED_FOR, SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER,
-};
+use fleetcal_domain::limits::{SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER};
 use fleetcal_domain::robot::{
-    AnnouncedTopic, Connection, CrossTrack, PairingReport, RobotConfig, RobotState, RobotView,
-    StreamView, Warning,
+    AnnouncedTopic, ChecksReport, Connection, CrossTrack, PairingReport, RobotConfig, RobotState,
+    RobotView, StreamView, Warning,
 };
 use fleetcal_estimator::advice::ranking::Ranked;
 use fleetcal_estimator::{EstimatorSettings, RobotTime};
@@ -121,6 +120,7 @@ struct Status {
     manoeuvres: Arc<[Ranked]>,
     pairing: Option<PairingReport>,
     warnings: Vec<Warning>,
+    checks: Arc<ChecksReport>,
     /// True if a reported reassembly is open, also where there is no estimate yet.
     reassembly_open: bool,
     /// Number of the last note that its estimator has processed; `None` until its task sets it.
@@ -192,6 +192,7 @@ impl Robot {
                 manoeuvres: Arc::from([]),
                 pairing: None,
                 warnings: Vec::new(),
+                checks: Arc::default(),
                 reassembly_open: false,
                 notes_taken: None,
             }),
@@ -355,6 +356,7 @@ impl Robot {
         status.manoeuvres = Arc::from([]);
         status.pairing = None;
         status.warnings = Vec::new();
+        status.checks = Arc::default();
         Configured::BeginsAgain(keys)
     }
 
@@ -405,14 +407,6 @@ impl Robot {
     /// Sets the quality of the pairing of its steering and speed.
     pub fn set_pairing(&self, report: PairingReport) {
         lock(&self.status).pairing = Some(report);
-    }
-
-    /// Sets the warnings; returns whether they changed.
-    pub fn set_warnings(&self, warnings: Vec<Warning>) -> bool {
-        let mut status = lock(&self.status);
-        let changed = status.warnings != warnings;
-        status.warnings = warnings;
-        changed
     }
 
     /// Sets the manoeuvres that the robot should drive next, the best first.
@@ -543,13 +537,6 @@ impl Robot {
         status.estimator_restarts
     }
 
-    fn warning_of_former_key(&self, clock: &dyn Clock) -> Option<Warning> {
-        let link = lock(&self.link);
-        let (at, key) = link.former_key.as_ref()?;
-        let since = clock.elapsed().saturating_sub(*at);
-        (since < FORMER_KEY_WARNED_FOR).then(|| Warning::former_key(key))
-    }
-
     /// Returns the view of the robot for the rest of the service.
     pub fn view(&self, clock: &dyn Clock) -> RobotView {
         let stale = self.is_stale(clock);
@@ -589,6 +576,7 @@ impl Robot {
             estimator_restarts: status.estimator_restarts,
             pairing: status.pairing,
             warnings: status.warnings.iter().cloned().chain(of_link).collect(),
+            checks: Arc::clone(&status.checks),
             reassembly_open: status.reassembly_open,
             notes_taken: status.notes_taken,
             topics,

@@ -1,6 +1,6 @@
 //! Stored state from which a robot's task goes on after a restart of the service.
 
-use fleetcal_domain::robot::{Basis, Signals};
+use fleetcal_domain::robot::{Basis, CheckFinding, Signals};
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::{Calibrator, Checkpoint, Event, Note, Pose2, Vehicle};
 use fleetcal_model::{NoteKind, RobotId, RobotTime};
@@ -32,6 +32,9 @@ pub struct Stored {
     /// Notes that the estimator has processed; absent in states of former versions.
     #[serde(default)]
     pub notes: Option<NotesTaken>,
+    /// Findings of the joining checks that name a cause.
+    #[serde(default)]
+    pub findings: Vec<CheckFinding>,
 }
 
 impl Stored {
@@ -116,6 +119,8 @@ pub struct Restored {
     pub verification_run: Option<VerificationRun>,
     /// Notes that it has processed, where they are known.
     pub notes: Option<NotesTaken>,
+    /// Findings of the joining checks that named a cause.
+    pub findings: Vec<CheckFinding>,
 }
 
 impl Restored {
@@ -141,6 +146,7 @@ impl Restored {
             candidate: Candidate::default(),
             verification_run: None,
             notes: None,
+            findings: Vec::new(),
         }
     }
 }
@@ -169,6 +175,7 @@ pub fn restore(robot: &RobotId, basis: &Basis, bytes: &[u8]) -> Option<Restored>
             candidate: stored.candidate,
             verification_run: run.transpose()?,
             notes: stored.notes,
+            findings: stored.findings,
         })
     });
     restored

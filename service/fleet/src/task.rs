@@ -2,9 +2,11 @@
 //! estimator asks for.
 
 mod checkpoints;
+mod checks;
 mod configuration;
 mod good;
 mod heard;
+mod live_checks;
 mod notes;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -13,11 +15,10 @@ use std::sync::atomic::Ordering;
 
 use fleetcal_domain::limits::{ADVICE_EVERY_S, ESTIMATOR_RESTARTS_MAX};
 use fleetcal_domain::robot::{
-    Basis, HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind, Warning,
+    Basis, HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind,
     WheelOdometrySignal,
 };
 use fleetcal_estimator::calibrator::TopView;
-use fleetcal_estimator::lidar_odometry::BeamTimes;
 use fleetcal_estimator::{Calibrator, Effect, Event, RobotTime};
 use fleetcal_model::{ChangeKind, Parameter, ParameterStatus, Stream, Version};
 use fleetcal_proto::RecordingTopic;
@@ -43,6 +44,7 @@ use crate::top_view;
 use crate::verification_run::VerificationRun;
 use good::Good;
 use heard::Known;
+use live_checks::LiveChecks;
 
 /// Parameters that have to be known before a robot counts as calibrated.
 const CALIBRATED: [Parameter; 4] = [
@@ -69,6 +71,8 @@ pub struct RobotTask {
     signal: WheelOdometrySignal,
     reading: ReadingSettings,
     intake: Intake,
+    /// Joining checks of its messages.
+    checks: LiveChecks,
     rear_axle_in_base_link: Option<Mount>,
     /// Basis of the estimate.
     basis: Basis,
@@ -127,6 +131,7 @@ impl RobotTask {
             version,
             signal,
             intake: Intake::new(reading.clone()),
+            checks: LiveChecks::new(config, &restored.findings),
             reading,
             rear_axle_in_base_link,
             basis,
@@ -145,6 +150,9 @@ impl RobotTask {
             known,
             notes,
         };
+        if task.last_good.is_some() {
+            task.show_checks();
+        }
         task.show_estimate(restored.candidate);
         // Those that came after it was stored, or while no task was there, are brought now.
         task.robot.set_reassembly_open(task.is_reassembly_open());
@@ -163,6 +171,7 @@ impl RobotTask {
         document.motions = Some(document::motions(calibrator));
         if estimate.stamp.0 > 0 && document::is_finite(&document) {
             self.place_in_base_link(&mut document);
+            self.give_way(&mut document);
             let state = state_of(&document, self.changed);
             self.robot.restore(state, Arc::new(document), candidate);
         } else {
@@ -208,14 +217,18 @@ impl RobotTask {
             form,
             origin,
             payload,
+            arrived_ns: _,
         } = message;
-        let taken = match self.intake.take(*stream, *form, payload) {
+        let taken = self.intake.take(*stream, *form, payload);
+        let sent = taken.as_ref();
+        if sent.is_ok_and(|taken| self.is_of_two_senders(*stream, taken, *origin)) {
+            return Outcome::Refused("two senders use the robot's id".to_owned());
+        }
+        self.check(message, &taken);
+        let taken = match taken {
             Ok(taken) => taken,
             Err(refused) => return Outcome::Refused(refused.to_string()),
         };
-        if self.is_of_two_senders(*stream, &taken, *origin) {
-            return Outcome::Refused("two senders use the robot's id".to_owned());
-        }
         self.robot.taps.offer(|| {
             let topic = self.recording_topic(*stream, *form)?;
             Some(Tapped::Message {
@@ -266,6 +279,7 @@ impl RobotTask {
         counts.missing.fetch_add(missing, Ordering::Relaxed);
         counts.of_two_senders.fetch_add(of_two, Ordering::Relaxed);
         if are_two && !were_two {
+            self.begin_checks();
             self.verification_run = None;
             self.last_good = self.earlier_good.take();
             self.begin_from(self.last_good.clone());
@@ -321,7 +335,12 @@ impl RobotTask {
     fn advise(&self) {
         self.warn();
         if let Engine::Running(calibrator) = &self.engine {
-            self.robot.set_manoeuvres(calibrator.next_manoeuvres(None));
+            // Where a value cannot be right, no manoeuvre makes it so.
+            let ranked = match self.robot.checks().spoiling() {
+                Some(_) => Vec::new(),
+                None => calibrator.next_manoeuvres(None),
+            };
+            self.robot.set_manoeuvres(ranked);
         }
     }
 
@@ -356,37 +375,6 @@ impl RobotTask {
         });
         self.top_view = view.map(|view| (newest, Arc::new(view)));
         self.top_view.as_ref().map(|(_, view)| Arc::clone(view))
-    }
-
-    fn warn(&self) {
-        let estimate = self.robot.estimate();
-        let mut warnings = Vec::new();
-        if self.intake.looks_commanded(estimate.as_deref()) {
-            warnings.push(Warning::steering_looks_commanded());
-        }
-        if self.senders.are_two() {
-            warnings.push(Warning::two_senders());
-        }
-        let coarse = self.intake.coarsely_stamped();
-        if !coarse.is_empty() {
-            warnings.push(Warning::stamps_coarse(&coarse));
-        }
-        if let Engine::Running(calibrator) = &self.engine {
-            let scanner = calibrator.scanner();
-            match scanner.beam_times {
-                BeamTimes::Turning { .. } => warnings.push(Warning::scan_beam_times_missing()),
-                BeamTimes::Missing => warnings.push(Warning::point_times_missing()),
-                BeamTimes::Stated | BeamTimes::Unknown | BeamTimes::AtOnce => {}
-            }
-            if let Some(floor) = scanner.floor {
-                let (distance_m, direction_rad) = (floor.distance_m(), floor.direction_rad());
-                warnings.push(Warning::scanner_sees_floor(distance_m, direction_rad));
-            }
-        }
-        let kinds: Vec<_> = warnings.iter().map(|warning| warning.kind).collect();
-        if self.robot.set_warnings(warnings) && !kinds.is_empty() {
-            tracing::warn!(robot.id = %self.robot.id, ?kinds, "what the robot sends looks wrong");
-        }
     }
 
     /// Restores the sensor's values where the robot compensates before it sends.
@@ -483,8 +471,8 @@ impl RobotTask {
                 self.budgets
                     .record(&self.fleet, &self.robot.id, HistoryEvent::Change(change));
             }
-            // The estimator has counted it; its counts stand in every estimate.
-            Effect::Dropped(_) => {}
+            Effect::Dropped(dropped) => self.leave_out(dropped),
+            Effect::LidarMoved(pose) => self.checks.take_odometry(&pose),
             Effect::SessionStarted(stamp) => {
                 self.robot.clock_went_back();
                 self.record_service_event(ServiceEventKind::SessionStarted, stamp, String::new());
@@ -502,6 +490,7 @@ impl RobotTask {
 
     fn publish(&mut self, mut document: EstimateDocument) {
         self.place_in_base_link(&mut document);
+        self.give_way(&mut document);
         let state = state_of(&document, self.changed);
         self.changed = state == RobotState::Changed;
         let document = Arc::new(document);

@@ -114,6 +114,9 @@ impl VerificationRun {
         let compared = without_range_scale(estimate.clone());
         let mut document = document::estimate_document(&robot.id, &compared);
         document.motions = Some(document::motions(&self.calibrator));
+        if let Some(finding) = robot.checks().spoiling() {
+            document::give_way(&mut document, finding);
+        }
         if document::is_finite(&document) {
             robot.set_fresh(self.generation, Arc::new(document));
         }

@@ -152,6 +152,8 @@ pub const IN_FLIGHT_S: f64 = 1.0;
 
 /// Message time between two rankings of a robot's next manoeuvres, s.
 pub const ADVICE_EVERY_S: f64 = 5.0;
+/// Shortest time between two reports of a robot's joining checks, s of arrival.
+pub const CHECKS_SHOWN_EVERY_S: f64 = 1.0;
 /// Requests for a robot's top view that wait; later ones are answered with an advice to retry.
 pub const TOP_VIEW_ASKERS_MAX: usize = 64;
 /// Message time for which repeated requests get the same view, s.

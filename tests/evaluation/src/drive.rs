@@ -102,7 +102,10 @@ pub fn drive_watched(
                     estimates.push((*estimate, simulation.parameters()));
                 }
                 Effect::Change(change) => changes.push(*change),
-                Effect::ChangeSized(_) | Effect::Dropped(_) | Effect::SessionStarted(_) => {}
+                Effect::ChangeSized(_)
+                | Effect::Dropped(_)
+                | Effect::LidarMoved(_)
+                | Effect::SessionStarted(_) => {}
             }
         }
         if ends {

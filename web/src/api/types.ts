@@ -27,6 +27,10 @@ export type VehicleModel = Schemas['VehicleModel'];
 export type MessageType = Schemas['MessageType'];
 export type AnnouncedTopic = Schemas['AnnouncedTopic'];
 export type Stream = Schemas['StreamCounts'];
+export type Checks = Schemas['Checks'];
+export type CheckFinding = Schemas['CheckFinding'];
+export type CheckedStream = Schemas['CheckedStream'];
+export type CheckState = Schemas['CheckState'];
 
 export type HistoryDocument = Schemas['HistoryDocument'];
 export type HistorySeries = Schemas['HistorySeries'];

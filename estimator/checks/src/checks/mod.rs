@@ -89,6 +89,8 @@ pub struct Checks {
     looked_wheels_way_m: f64,
     motion: Option<Motion>,
     patience: Patience,
+    /// `true` if only the streams are looked at.
+    rests: bool,
 }
 
 impl Checks {
@@ -118,12 +120,16 @@ impl Checks {
             looked_wheels_way_m: 0.0,
             motion: None,
             patience: Patience::default(),
+            rests: false,
         }
     }
 
     /// Adds speed, steering angle or both as they were sent, in whatever unit.
     pub fn take_wheels(&mut self, head: &Head<'_>, speed: Option<f64>, steering: Option<f64>) {
         self.arrive(head);
+        if self.rests {
+            return;
+        }
         if let Some(speed) = speed.filter(|speed| speed.is_finite()) {
             self.ages.take(1, head.stamp, head.arrival_ns);
             if let Some((before, last)) = self.last_speed {
@@ -157,12 +163,18 @@ impl Checks {
     /// follows by [`Checks::take_odometry`].
     pub fn take_scan(&mut self, head: &Head<'_>, scan: &Scan, scan_time_s: f64) {
         self.arrive(head);
+        if self.rests {
+            return;
+        }
         self.ages.take(0, head.stamp, head.arrival_ns);
         self.scans.take(scan, scan_time_s);
     }
 
     /// Adds the pose of a scan by LiDAR odometry.
     pub fn take_odometry(&mut self, pose: &OdometryPose) {
+        if self.rests {
+            return;
+        }
         if pose.tracking == Tracking::Lost || pose.map_restarted || pose.misled_by.is_some() {
             self.lose_motion();
             if pose.tracking == Tracking::Lost {
@@ -175,6 +187,9 @@ impl Checks {
     /// Adds a pose that the robot sends for its LiDAR, and the tilt of the pose's z axis, rad.
     pub fn take_pose(&mut self, head: &Head<'_>, pose: Pose2, tilt_rad: f64) {
         self.arrive(head);
+        if self.rests {
+            return;
+        }
         let is_finite = [pose.x_m, pose.y_m, pose.yaw_rad, tilt_rad]
             .into_iter()
             .all(f64::is_finite);
@@ -223,6 +238,32 @@ impl Checks {
     /// The LiDAR's way so far, m.
     pub fn way_m(&self) -> f64 {
         self.way_m
+    }
+
+    /// Time since the first message, by arrival, s.
+    pub(crate) fn time_s(&self) -> f64 {
+        self.moment().time_s
+    }
+
+    /// Returns `true` if a cause is named.
+    pub(crate) fn names_a_cause(&self) -> bool {
+        self.patience.named().next().is_some()
+    }
+
+    /// Time since the last message of a stream, s; `None` before the first.
+    pub(crate) fn quiet_s(&self, stream: Stream, now_ns: i64) -> Option<f64> {
+        let watch = self.of(&[stream])?;
+        Some(away_s(watch.last_arrival_ns, now_ns))
+    }
+
+    /// Looks at the streams alone from now on.
+    pub(crate) fn rest(&mut self) {
+        self.rests = true;
+    }
+
+    /// Returns `true` if only the streams are looked at.
+    pub(crate) const fn rests(&self) -> bool {
+        self.rests
     }
 
     /// Bytes held for this robot.
@@ -287,11 +328,6 @@ impl Checks {
         self.of(&[Stream::WheelOdometry, Stream::Speed])
     }
 
-    /// Returns the age of the LiDAR's messages at their arrival less that of the wheels', s.
-    fn ages_apart_s(&self) -> Option<f64> {
-        Some(self.lidar()?.stamps.age_s()? - self.wheels()?.stamps.age_s()?)
-    }
-
     /// Returns the shift of the LiDAR's stamps, once both streams have come for long enough.
     fn alignment_s(&self) -> Option<f64> {
         let (lidar, wheels) = (self.lidar()?, self.wheels()?);
@@ -300,7 +336,7 @@ impl Checks {
         if time_s < ALIGNED_AFTER_S || !enough(lidar) || !enough(wheels) {
             return None;
         }
-        let apart_s = self.ages_apart_s()?;
+        let apart_s = self.ages.apart_s()?;
         Some(if apart_s.abs() > ALIGN_MIN_S {
             apart_s
         } else {

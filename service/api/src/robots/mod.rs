@@ -1,5 +1,6 @@
 //! Routes of robots: list, registration, estimate, history and events.
 
+mod checks;
 mod connection;
 mod cross_track;
 mod document;
@@ -31,6 +32,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(estimate::get_estimate))
         .routes(routes!(history::get_history))
         .routes(routes!(cross_track::get_cross_track_error))
+        .routes(routes!(checks::get_checks))
         .routes(routes!(manoeuvres::get_manoeuvres))
         .routes(routes!(top_view::get_top_view))
         .routes(routes!(recording::get_recording))

@@ -293,7 +293,8 @@ async fn readiness_is_that_of_the_instance() {
 #[tokio::test]
 async fn the_owner_answers_what_lives_in_its_memory() {
     let (a, b) = two(&[("agv_1", Some("b"))]).await;
-    for path in [TOP_VIEW, "/api/v1/robots/agv_1/manoeuvres"] {
+    let of_robot = |what: &str| format!("/api/v1/robots/agv_1/{what}");
+    for path in [TOP_VIEW, &of_robot("checks"), &of_robot("manoeuvres")] {
         let (at_a, at_b) = (a.get(path).await, b.get(path).await);
         assert_eq!(at_a.status, 200, "{}", at_a.body);
         assert_eq!(at_a.body, at_b.body);

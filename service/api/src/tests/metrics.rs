@@ -66,7 +66,7 @@ async fn what_is_lost_is_one_family() {
     let dropped = &families["fleetcal_messages_dropped"];
     // Every reason is there before anything is lost, so that a rate sees the first.
     assert_eq!(sum(dropped, &[]), 0.0);
-    assert_eq!(dropped.samples.len(), 12);
+    assert_eq!(dropped.samples.len(), 16);
     bench.fleet.count_foreign_key();
     bench.fleet.count_unanswered_question();
     let form = Encoding::Cdr;

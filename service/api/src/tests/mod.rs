@@ -4,6 +4,7 @@ mod access;
 mod alerts;
 mod approval;
 mod certificates;
+mod checks;
 mod cluster;
 mod description;
 mod export;

@@ -115,7 +115,7 @@ async fn a_robot_that_has_sent_something_is_told_what_to_drive_next() {
 
 /// Sends a pose of the LiDAR and a drive sample, `step` steps of 20 ms after the begin, on a
 /// straight path.
-fn straight_on(bench: &Bench, step: u32) {
+pub(super) fn straight_on(bench: &Bench, step: u32) {
     let stamp = json!({"sec": 1_760_000_000 + step / 50, "nanosec": step % 50 * 20_000_000});
     let header = json!({"stamp": stamp, "frame_id": "odom"});
     let drive = json!({

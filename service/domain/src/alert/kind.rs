@@ -45,7 +45,7 @@ pub enum AlertKind {
     OutOfSync,
     /// Silence of a robot that was sending.
     NoData,
-    /// Failure of a sensor or of the LiDAR odometry that lasts.
+    /// Cause that a joining check names, or a failure of a sensor or of the LiDAR odometry that lasts.
     Fault,
     /// Significantly wrong values in use that were never approved from an estimate.
     Uncalibrated,
@@ -189,7 +189,7 @@ impl AlertKind {
                  was switched off on purpose: it does not alert until that ends."
             }
             Self::Fault => {
-                "Look at the LiDAR and its cable, and for surroundings in which it sees too little."
+                "Follow the joining check; without one, look at the sensor, its cable and what it sees."
             }
             Self::Uncalibrated => {
                 "Decide on the robot's proposal once there is one, or propose the present estimate. \

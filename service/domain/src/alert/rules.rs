@@ -134,22 +134,30 @@ fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
         AlertKind::NotApplied => not_applied(situation),
         AlertKind::OutOfSync => out_of_sync(situation),
         AlertKind::NoData => no_data(situation),
-        AlertKind::Fault => match situation.fault {
-            Some((at_ns, cause)) => {
-                let since_ns = situation.now.ns_since(at_ns);
-                let lasts = (0..FAULT_LASTS_NS).contains(&since_ns);
-                Seen::firing_if(lasts, || {
-                    format!("the estimator reported a fault of the {cause}")
-                })
-            }
-            None => Seen::Clear,
-        },
+        AlertKind::Fault => fault(situation),
         // The rows of the cluster and the link say these.
         AlertKind::NoInstance
         | AlertKind::RoutersCut
         | AlertKind::ConfigurationsDiffer
         | AlertKind::ClockOff
         | AlertKind::SessionsFull => Seen::Unknown,
+    }
+}
+
+/// A cause that a check names is said instead of the fault that it leads to.
+fn fault(situation: &Situation<'_>) -> Seen {
+    if let Some(finding) = situation.view.checks.wrong() {
+        return Seen::Firing(finding.in_words());
+    }
+    match situation.fault {
+        Some((at_ns, cause)) => {
+            let since_ns = situation.now.ns_since(at_ns);
+            let lasts = (0..FAULT_LASTS_NS).contains(&since_ns);
+            Seen::firing_if(lasts, || {
+                format!("the estimator reported a fault of the {cause}")
+            })
+        }
+        None => Seen::Clear,
     }
 }
 

@@ -12,8 +12,11 @@ use fleetcal_proto::calibration::CalibrationValues;
 use serde_json::json;
 
 use super::*;
-use crate::approval::{Deployment, DeploymentState, GenerationRef, InUse};
-use crate::robot::{Connection, Counters, RobotConfig, RobotState, RobotView};
+use crate::approval::{Deployment, DeploymentState, GenerationRef, InUse, Policy, RobotLedger};
+use crate::robot::{
+    CheckFinding, CheckState, ChecksReport, Connection, Counters, RobotConfig, RobotState,
+    RobotView,
+};
 
 const S: i64 = 1_000_000_000;
 
@@ -198,6 +201,7 @@ pub(crate) fn view() -> RobotView {
         reassembly_open: false,
         notes_taken: None,
         warnings: Vec::new(),
+        checks: Arc::default(),
         topics: Arc::from([]),
         estimated_by: None,
     }
@@ -328,4 +332,49 @@ fn names_are_those_of_documents() {
         assert_eq!(ConditionName::parse(name.as_str()), Some(name));
         assert_eq!(json!(condition(name, WallTime(0)))["state"], name.as_str());
     }
+}
+
+#[test]
+fn a_cause_that_a_check_names_is_the_fault() {
+    let finding = CheckFinding {
+        check: "speed".to_owned(),
+        state: CheckState::Wrong,
+        cause: Some("speed_zero".to_owned()),
+        seen: "wheels 0.0 m, LiDAR 2.1 m".to_owned(),
+        advice: Some("Fill in the speed.".to_owned()),
+        after_m: Some(20.0),
+        after_s: Some(20.0),
+        spoils_values: true,
+    };
+    let report = ChecksReport {
+        findings: vec![finding],
+        ..ChecksReport::default()
+    };
+    let wrong = RobotView {
+        checks: Arc::new(report),
+        ..view()
+    };
+    let ledger = RobotLedger::new(robot());
+    let fault = |view: &RobotView, fault| {
+        let situation = Situation {
+            now: at(101),
+            watched_since_ns: at(0),
+            view,
+            in_sight: true,
+            ledger: &ledger,
+            latest: None,
+            fault,
+            approval: &Policy::default(),
+            policy: &AlertPolicy::default(),
+        };
+        let mut all = sightings(&situation).into_iter();
+        let seen = all.find(|one| one.kind == AlertKind::Fault).unwrap();
+        (seen.observation, seen.what)
+    };
+    let told = "speed: wheels 0.0 m, LiDAR 2.1 m. Fill in the speed.";
+    for told_before in [None, Some((at(100), "odometry"))] {
+        let expected = (Observation::Firing, told.to_owned());
+        assert_eq!(fault(&wrong, told_before), expected);
+    }
+    assert_eq!(fault(&view(), None).0, Observation::Clear);
 }

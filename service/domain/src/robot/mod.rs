@@ -2,6 +2,7 @@
 //! that decides, stores, shows or sends.
 
 mod basis;
+mod checks;
 mod config;
 mod cross_track;
 mod described;
@@ -10,6 +11,7 @@ mod own_settings;
 mod view;
 
 pub use basis::{Basis, Signals};
+pub use checks::{CheckFinding, CheckState, CheckedStream, ChecksReport, LeftOut};
 pub use config::{
     MOUNT_MAX_M, Mount, RobotConfig, ScanSettings, ValueRefused, WHEELBASE_MAX_M,
     WheelOdometrySignal, Wheelbase,

@@ -8,6 +8,7 @@ use fleetcal_proto::ros2_key::KeyLayout;
 use serde::{Deserialize, Serialize};
 use strum::{IntoStaticStr, VariantArray};
 
+use super::checks::{CheckFinding, ChecksReport, LeftOut};
 use super::config::RobotConfig;
 
 /// State of a robot, in one word.
@@ -185,6 +186,9 @@ pub struct RobotView {
     pub pairing: Option<PairingReport>,
     /// Warnings about its data.
     pub warnings: Vec<Warning>,
+    /// Joining checks of its messages; empty before it has sent anything. Of a robot that another
+    /// instance estimates, the named causes alone.
+    pub checks: Arc<ChecksReport>,
     /// True if a reassembly was reported, and the calibration is not known again since.
     pub reassembly_open: bool,
     /// Newest note of the audit that its estimator has processed; `None` while unknown.
@@ -240,6 +244,10 @@ pub enum WarningKind {
     StampsCoarse,
     /// Topic of a bridge that the access list lacks.
     TopicBlocked,
+    /// Cause that a joining check names.
+    JoiningCheck,
+    /// Many messages of a stream are not used.
+    MessagesLeftOut,
 }
 
 /// Warning, with words for people.
@@ -301,6 +309,36 @@ impl Warning {
                  or name topics of robots to come in bridge_topics of [ros2].",
                 names.join(" and ")
             ),
+        })
+    }
+
+    /// Warning of [`WarningKind::JoiningCheck`] about the causes that are named, if any.
+    pub fn joining_check(checks: &ChecksReport) -> Option<Self> {
+        Self::of_all(
+            WarningKind::JoiningCheck,
+            checks.named().map(CheckFinding::in_words),
+        )
+    }
+
+    /// Warning of [`WarningKind::MessagesLeftOut`] about the streams of which much is not used, if
+    /// any. The text has no numbers, so that it is stable while messages come.
+    pub fn messages_left_out(checks: &ChecksReport) -> Option<Self> {
+        let text = |(stream, left_out): (&str, &LeftOut)| {
+            let reason = left_out.reason.replace('_', " ");
+            format!("Many messages of {stream} are not used: {reason}.")
+        };
+        Self::of_all(
+            WarningKind::MessagesLeftOut,
+            checks.much_left_out().map(text),
+        )
+    }
+
+    /// One warning of a kind with several texts.
+    fn of_all(kind: WarningKind, texts: impl Iterator<Item = String>) -> Option<Self> {
+        let texts: Vec<String> = texts.collect();
+        (!texts.is_empty()).then(|| Self {
+            kind,
+            text: texts.join(" "),
         })
     }
 

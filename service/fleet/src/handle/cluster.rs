@@ -294,6 +294,7 @@ fn details(robot: &Robot, view: &RobotView) -> ReportDetails {
         estimator_restarts: view.estimator_restarts,
         pairing: view.pairing,
         warnings: view.warnings.clone(),
+        checks: view.checks.of_causes(),
         verification,
         cross_tracks: robot.cross_tracks().into_iter().collect(),
     }

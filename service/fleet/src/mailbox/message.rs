@@ -1,6 +1,6 @@
 //! Message in a mailbox, and its receiver.
 
-use fleetcal_model::{RobotTime, Stream};
+use fleetcal_model::{RobotTime, Stream, WallTime};
 use fleetcal_proto::message_type::Form;
 
 use crate::notes::Noted;
@@ -15,6 +15,8 @@ pub struct Message {
     pub form: Form,
     /// Origin, where that is known.
     pub origin: Option<Origin>,
+    /// Time of its receipt, wall time.
+    pub arrived_ns: WallTime,
     /// Payload.
     pub payload: Vec<u8>,
 }

@@ -1,6 +1,6 @@
 //! Tests of a mailbox: messages kept, dropped and counted.
 
-use fleetcal_model::RobotTime;
+use fleetcal_model::{RobotTime, WallTime};
 use fleetcal_proto::Encoding;
 use proptest::prelude::*;
 
@@ -11,6 +11,7 @@ fn message(stream: Stream, number: u32) -> Message {
         stream,
         form: Encoding::Cdr.into(),
         origin: None,
+        arrived_ns: WallTime(0),
         payload: number.to_le_bytes().to_vec(),
     }
 }

@@ -111,6 +111,7 @@ impl Robot {
             status.estimator_restarts = details.estimator_restarts;
             status.pairing = details.pairing;
             status.warnings = details.warnings;
+            status.checks = Arc::new(details.checks);
             let verification = details.verification;
             status.verification = verification.map(|(of, estimate)| (of, Arc::new(*estimate)));
         }

@@ -58,6 +58,7 @@ impl RobotTask {
                 candidate: self.robot.candidate(),
                 verification_run: run.map(VerificationRun::to_stored),
                 notes: Some(self.notes.clone()),
+                findings: self.robot.checks().named().cloned().collect(),
             };
             stored.to_bytes()
         });

@@ -7,6 +7,7 @@ use fleetcal_model::Version;
 use fleetcal_proto::estimate::EstimateDocument;
 
 use super::RobotTask;
+use super::live_checks::LiveChecks;
 use crate::intake::Intake;
 use crate::reading::ReadingSettings;
 
@@ -42,6 +43,7 @@ impl RobotTask {
         if reading != self.reading {
             self.intake = Intake::new(reading.clone());
             self.reading = reading;
+            self.checks = LiveChecks::new(config, &[]);
         }
         self.rear_axle_in_base_link = config.rear_axle_in_base_link;
         if let Some(estimate) = self.robot.estimate() {

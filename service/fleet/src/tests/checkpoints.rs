@@ -88,6 +88,7 @@ impl Drive {
             candidate: self.restored.candidate.clone(),
             verification_run: run.map(VerificationRun::to_stored),
             notes: None,
+            findings: Vec::new(),
         }
     }
 

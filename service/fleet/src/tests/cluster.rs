@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use fleetcal_cluster::{ClaimId, Epoch, Incarnation, InstanceId, Membership, Seat, Tenure};
+use fleetcal_domain::robot::{CheckFinding, CheckState, ChecksReport};
 use fleetcal_proto::estimate::EstimatedBy;
 
 use super::*;
@@ -71,6 +72,20 @@ impl Instance {
             other.bench.fleet.take_reports(&self.name, digest.reports);
         }
         count
+    }
+}
+
+/// Finding that names a cause.
+fn wrong_sign() -> CheckFinding {
+    CheckFinding {
+        check: "steering".to_owned(),
+        state: CheckState::Wrong,
+        cause: Some("steering_sign".to_owned()),
+        seen: "steering and yaw rate have opposite signs".to_owned(),
+        advice: Some("Set steering_gear = -1.".to_owned()),
+        after_m: Some(17.0),
+        after_s: Some(18.0),
+        spoils_values: true,
     }
 }
 
@@ -185,11 +200,22 @@ async fn every_instance_shows_every_robot() {
     let payload = serde_json::to_vec(&note).unwrap();
     a.bench.send("robot", Stream::Event, &payload);
     a.bench.worked_off("robot").await;
+    let sound = a.bench.view("robot").checks;
+    assert!(!sound.streams.is_empty() && sound.named().next().is_none());
+    let wrong = a.bench.fleet.fleet.find("robot").unwrap();
+    wrong.set_checks(ChecksReport {
+        findings: [vec![wrong_sign()], sound.findings.clone()].concat(),
+        ..sound.as_ref().clone()
+    });
     assert_eq!(a.tell(&b, &mut told), 1);
     let (own, mirrored) = (a.bench.view("robot"), b.bench.view("robot"));
     assert_eq!(own.estimate, mirrored.estimate);
     assert!(own.estimate.is_some());
-    assert_eq!(own, mirrored, "all that is shown");
+    // The streams and what is not wrong are asked for at the robot's instance.
+    assert_eq!(mirrored.checks.findings, [wrong_sign()]);
+    assert!(own.checks.findings.len() > 1);
+    let checks = Arc::clone(&mirrored.checks);
+    assert_eq!(RobotView { checks, ..own }, mirrored, "all that is shown");
     let mut heard = (0, 0);
     while let Ok(update) = live.try_recv() {
         match update {

@@ -35,6 +35,9 @@ impl Lines {
     /// Passes an event to the estimator.
     pub fn step(&mut self, event: Event) {
         for effect in self.calibrator.step(event) {
+            if matches!(effect, Effect::LidarMoved(_)) {
+                continue;
+            }
             self.published += 1;
             match effect {
                 Effect::Estimate(estimate) => self.estimate(&estimate),
