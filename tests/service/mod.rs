@@ -5,6 +5,7 @@
 mod access;
 mod audit;
 mod commands;
+mod described;
 mod folder;
 mod hostile;
 mod json_schema;

@@ -5,6 +5,7 @@ mod alerts;
 mod approval;
 mod certificates;
 mod cluster;
+mod described;
 mod description;
 mod export;
 mod metrics;
