@@ -30,4 +30,8 @@ pub struct DescribedValue {
     pub source: String,
     /// True if it is used: no flag or configuration gives another one.
     pub used: bool,
+    /// Value of the configuration; null if it has none.
+    pub in_use: Option<Value>,
+    /// True if the configuration contradicts it.
+    pub contradicted: bool,
 }

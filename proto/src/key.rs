@@ -46,11 +46,15 @@ pub enum StreamKind {
     CrossTrackError,
     /// Progress of the service with the robot's messages, [`crate::progress::Progress`].
     Progress,
+    /// The robot's description, a URDF in a `std_msgs/msg/String`.
+    RobotDescription,
+    /// The robot's static transforms, `tf2_msgs/msg/TFMessage`.
+    TfStatic,
 }
 
 impl StreamKind {
     /// All kinds.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 12] = [
         Self::WheelOdometry,
         Self::Scan,
         Self::LidarOdometry,
@@ -61,6 +65,8 @@ impl StreamKind {
         Self::CalibrationConfirmed,
         Self::CrossTrackError,
         Self::Progress,
+        Self::RobotDescription,
+        Self::TfStatic,
     ];
 
     /// Returns the chunks behind the robot's: `wheel_odometry`, `calibration/approved` and so on.
@@ -76,6 +82,8 @@ impl StreamKind {
             Self::CalibrationConfirmed => "calibration/confirmed",
             Self::CrossTrackError => "cross_track_error",
             Self::Progress => "progress",
+            Self::RobotDescription => "robot_description",
+            Self::TfStatic => "tf_static",
         }
     }
 
@@ -211,7 +219,8 @@ pub enum KeyRefused {
     /// The stream is unknown.
     #[error(
         "key {key:?} ends in {stream:?}, expected wheel_odometry, scan, lidar_odometry, event, \
-         estimate, calibration/{{approved,applied,confirmed}}, cross_track_error and progress"
+         estimate, calibration/{{approved,applied,confirmed}}, cross_track_error, progress, \
+         robot_description and tf_static"
     )]
     UnknownStream {
         /// The key.

@@ -87,7 +87,7 @@ pub const CRATES: [Member; 30] = [
     member(
         "fleetcal-fleet",
         "service/fleet",
-        "checks clock cluster domain estimator model proto",
+        "checks clock cluster description domain estimator model proto",
     ),
     member(
         "fleetcal-operations",

@@ -6,6 +6,7 @@ mod access;
 mod audit;
 mod checks;
 mod commands;
+mod described;
 mod folder;
 mod hostile;
 mod json_schema;

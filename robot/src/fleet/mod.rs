@@ -5,6 +5,7 @@
 //! approves shows in its cross-track error: a closed loop.
 
 mod calibration;
+mod description;
 mod message;
 mod record;
 mod robots;
@@ -25,6 +26,7 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 pub use crate::session_error::SessionError;
+pub use description::urdf;
 pub use message::{StampRefused, drive_message, lidar_pose_message, scan_message, truth_message};
 pub use record::{
     RECORD_DURATION_MAX_S, RecordError, RecordedTruth, RecordedVehicle, TrueSegment, record,

@@ -19,6 +19,7 @@ pub(super) struct RobotSession {
     scan: Publisher<'static>,
     lidar_odometry: Publisher<'static>,
     cross_track_error: Publisher<'static>,
+    robot_description: Publisher<'static>,
     /// Its calibration keys.
     pub calibration: CalibrationLink,
     /// Token, present while it lives.
@@ -47,6 +48,7 @@ impl RobotSession {
             scan: publisher(StreamKind::Scan, Encoding::Cdr).await?,
             lidar_odometry: publisher(StreamKind::LidarOdometry, Encoding::Cdr).await?,
             cross_track_error: publisher(StreamKind::CrossTrackError, Encoding::Json).await?,
+            robot_description: publisher(StreamKind::RobotDescription, Encoding::Cdr).await?,
             calibration,
             _token: token.map_err(at_key(&alive))?,
             session,
@@ -60,6 +62,7 @@ impl RobotSession {
             StreamKind::Scan => &self.scan,
             StreamKind::LidarOdometry => &self.lidar_odometry,
             StreamKind::CrossTrackError => &self.cross_track_error,
+            StreamKind::RobotDescription => &self.robot_description,
             _ => &self.wheel_odometry,
         };
         let sent = publisher.put(payload).await;

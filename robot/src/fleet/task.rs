@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use fleetcal_model::{Generation, RobotTime};
 use fleetcal_proto::event::CrossTrackError;
+use fleetcal_proto::ros::StringMessage;
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Keys, RobotId, RosMessage, StreamKind};
 use tokio::sync::mpsc;
@@ -14,6 +15,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
 
 use super::calibration::{agent, applied_of};
+use super::description;
 use super::message::{StampRefused, drive_message, lidar_pose_message, scan_message};
 use super::robots::SimulatedRobot;
 use super::session::RobotSession;
@@ -26,6 +28,8 @@ use crate::simulator::{Emitted, SimulatedMessage, Simulation};
 const TICK: Duration = Duration::from_millis(10);
 /// Interval at which its agent checks its deadlines.
 const AGENT_TICK: Duration = Duration::from_millis(200);
+/// Interval at which a robot publishes its description: a service that starts later receives it too.
+const DESCRIPTION_PERIOD: Duration = Duration::from_secs(10);
 /// Age beyond which messages are left out: a robot does not replay its past.
 const LATE_MAX: Duration = Duration::from_secs(2);
 
@@ -54,6 +58,7 @@ pub(super) async fn run(
     stop: CancellationToken,
 ) -> Result<RobotSummary, FleetError> {
     let id = robot.id.clone();
+    let data = description::urdf(&robot);
     let opened = RobotSession::open(client, keys, &id, trusted, &stop).await?;
     robot.config.start_stamp_ns = epoch.now().0;
     let agent = trusted.map(|trusted| {
@@ -80,6 +85,7 @@ pub(super) async fn run(
         next,
         agent,
         session,
+        description: StringMessage { data }.to_cdr(),
         epoch,
         summary,
     };
@@ -95,6 +101,8 @@ struct Driver {
     /// Agent, taken out while it is at work; `None` for a robot without trusted keys.
     agent: Option<Agent>,
     session: RobotSession,
+    /// Its description, CDR.
+    description: Vec<u8>,
     epoch: Epoch,
     summary: RobotSummary,
 }
@@ -111,6 +119,8 @@ impl Driver {
         pull.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut agent_tick = interval(AGENT_TICK);
         agent_tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut describing = interval(DESCRIPTION_PERIOD);
+        describing.set_missed_tick_behavior(MissedTickBehavior::Delay);
         self.calibrate(Event::Restarted { written: false }).await?;
         loop {
             tokio::select! {
@@ -125,9 +135,18 @@ impl Driver {
                 }
                 _ = pull.tick() => self.pull().await?,
                 _ = agent_tick.tick() => self.calibrate(Event::Tick).await?,
+                _ = describing.tick() => self.describe().await?,
                 _ = tick.tick() => self.send_due().await?,
             }
         }
+    }
+
+    async fn describe(&self) -> Result<(), FleetError> {
+        let description = self.description.clone();
+        Ok(self
+            .session
+            .send(StreamKind::RobotDescription, description)
+            .await?)
     }
 
     /// Sends all messages that are due by now.

@@ -4,8 +4,9 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
 
-use fleetcal_description::{Description, StaticTransform, URDF_BYTES_MAX};
+use fleetcal_description::{Description, URDF_BYTES_MAX};
 use fleetcal_domain::streams::Joints;
+use fleetcal_fleet::static_transform;
 use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{
     JointState, LaserScan, PointCloud2, RosMessage, StringMessage, TfMessage, TransformStamped,
@@ -208,17 +209,6 @@ impl RecordedDescription {
                 chosen.copied()
             }
         }
-    }
-}
-
-/// Converts a transform.
-pub fn static_transform(of: TransformStamped) -> StaticTransform {
-    let (place, turn) = (of.transform.translation, of.transform.rotation);
-    StaticTransform {
-        parent: of.header.frame_id,
-        child: of.child_frame_id,
-        translation_m: [place.x, place.y, place.z],
-        rotation: [turn.x, turn.y, turn.z, turn.w],
     }
 }
 

@@ -251,6 +251,9 @@ fn in_words(summaries: &[RobotSummary]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use fleetcal_description::Description;
+    use fleetcal_domain::robot::DescribedConfig;
+    use fleetcal_robot::fleet::urdf;
     use fleetcal_robot::simulator::ImperfectionKind;
 
     use super::*;
@@ -336,6 +339,26 @@ mod tests {
         );
         let missing = make_imperfect(&mut [], Path::new("/nowhere/flaws.toml")).unwrap_err();
         assert!(missing.to_string().contains("/nowhere/flaws.toml"));
+    }
+
+    #[test]
+    fn a_robots_own_description_gives_its_vehicle() {
+        for robot in simulated_robots(3, 1).unwrap() {
+            let mut description = Description::default();
+            description.set_urdf(&urdf(&robot)).unwrap();
+            let described = DescribedConfig::of(&description.propose(None));
+            assert_eq!(described.model, Some(robot.model()));
+            let wheelbase_m = described.wheelbase_m.unwrap().metres();
+            assert!((wheelbase_m - robot.wheelbase_m()).abs() < 1e-9);
+            let mount = described.nominal_extrinsics.unwrap().pose();
+            let apart = mount.between(&robot.nominal());
+            assert!(apart.x_m.hypot(apart.y_m) < 1e-9 && apart.yaw_rad.abs() < 1e-9);
+            let document = described.document(Vec::new(), None);
+            assert_eq!(
+                (document.missing, document.remarks),
+                (Vec::new(), Vec::new())
+            );
+        }
     }
 
     #[test]

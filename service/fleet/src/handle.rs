@@ -1,6 +1,7 @@
 //! The fleet as the API, the link and the commands hold it.
 
 mod cluster;
+mod descriptions;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::Ordering;
@@ -31,6 +32,7 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::cross_track::{self, UsedValues};
+use crate::descriptions::Descriptions;
 use crate::live::LiveUpdate;
 use crate::mailbox::Message;
 use crate::notes::Noted;
@@ -146,6 +148,7 @@ impl FleetHandle {
             robots: RwLock::new(robots),
             live,
             counts: Counts::default(),
+            descriptions: Descriptions::default(),
             peers: PeerSessions::default(),
             scan_durations: scan_durations(),
             tasks: TaskTracker::new(),

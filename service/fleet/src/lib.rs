@@ -8,6 +8,7 @@ mod coarse_stamps;
 mod commanded;
 mod cross_track;
 pub mod decode;
+mod descriptions;
 pub mod document;
 mod handle;
 mod intake;
@@ -39,6 +40,7 @@ mod watch;
 pub mod words;
 
 pub use cross_track::UsedValues;
+pub use descriptions::{ArrivedDescription, DescriptionTopic, ReadDescription, static_transform};
 pub use handle::{Arrived, FleetHandle, FleetRefused, FleetSetup};
 pub use intake::{Intake, Taken};
 pub use joining::{JoiningChecks, scan_of};

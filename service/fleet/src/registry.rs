@@ -17,6 +17,7 @@ use tokio::sync::{broadcast, watch as watch_channel};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
+use crate::descriptions::Descriptions;
 use crate::left_out::LeftOutReason;
 use crate::live::LiveUpdate;
 use crate::peers::PeerSessions;
@@ -97,6 +98,8 @@ pub(crate) struct Fleet {
     pub(super) robots: RwLock<BTreeMap<RobotId, Arc<Robot>>>,
     pub(super) live: broadcast::Sender<LiveUpdate>,
     pub(crate) counts: Counts,
+    /// Descriptions that robots publish of themselves.
+    pub(super) descriptions: Descriptions,
     /// The Zenoh sessions of all robots and others.
     pub(super) peers: PeerSessions,
     /// Durations of the estimators for a scan.
@@ -219,6 +222,7 @@ impl Fleet {
             }
             let gone = longest.id.clone();
             robots.remove(&gone);
+            self.descriptions.forget(&gone);
         }
         let robot = new_robot(&self.membership, id, None);
         Some(Arc::clone(robots.entry(id.clone()).or_insert(robot)))

@@ -57,6 +57,20 @@ pub const ROS2_TOKENS_MAX: usize = 16_384;
 pub const ROS2_TOKENS_OF_ROBOT_MAX: usize = 1_024;
 /// Longest ROS 2 token that is read.
 pub const ROS2_TOKEN_BYTES_MAX: usize = 1_024;
+/// Largest `robot_description` of a ROS 2 robot that is kept, bytes; most have 20 to 200 kB.
+pub const ROBOT_DESCRIPTION_BYTES_MAX: usize = 1 << 20;
+/// Largest message of `tf_static` that is kept, bytes.
+pub const TF_STATIC_BYTES_MAX: usize = 64 << 10;
+/// Messages of `tf_static` that are kept of one robot, the latest: each node publishes its own.
+pub const TF_STATIC_MESSAGES_MAX: usize = 16;
+/// Bytes of all robots' descriptions together; further ones are refused.
+pub const DESCRIPTIONS_BYTES_MAX: usize = 64 << 20;
+/// Bytes beyond which no further description of an unregistered robot is kept: strangers leave room
+/// for the registered ones.
+pub const DESCRIPTIONS_OF_UNREGISTERED_BYTES_MAX: usize = 16 << 20;
+/// Announced descriptions that wait to be queried; further ones are left out.
+pub const DESCRIPTIONS_ASKED_MAX: usize = 256;
+
 /// Places, of a prefix and a key layout, that one robot's ROS 2 topics can have at once.
 pub const ROS2_HOMES_MAX: usize = 4;
 

@@ -7,13 +7,15 @@ use fleetcal_proto::key::{Keys, StreamKind};
 use serde_json::{Value, json};
 
 /// Streams from robots.
-pub(super) const FROM_ROBOTS: [StreamKind; 6] = [
+pub(super) const FROM_ROBOTS: [StreamKind; 8] = [
     StreamKind::WheelOdometry,
     StreamKind::Scan,
     StreamKind::LidarOdometry,
     StreamKind::Event,
     StreamKind::CalibrationApplied,
     StreamKind::CrossTrackError,
+    StreamKind::RobotDescription,
+    StreamKind::TfStatic,
 ];
 /// Streams from the service.
 pub(super) const FROM_SERVICE: [StreamKind; 3] = [

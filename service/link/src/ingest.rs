@@ -76,6 +76,8 @@ fn take(fleet: &FleetHandle, keys: &Keys, sample: &Sample) {
             take_cross_track_error(fleet, &robot, sample);
             return;
         }
+        // Every instance has a subscriber of its own for them.
+        StreamKind::RobotDescription | StreamKind::TfStatic => return,
         _ => {
             fleet.count_foreign_key();
             return;

@@ -6,6 +6,7 @@ mod answers;
 mod bounds;
 mod calibration;
 mod cluster;
+mod description;
 mod gate;
 mod heard;
 mod ingest;
@@ -135,6 +136,7 @@ pub struct Link {
     session: Session,
     runtime: Runtime,
     presence: Subscriber<()>,
+    descriptions: [Subscriber<()>; 2],
     progress: Queryable<()>,
     /// Declarations of a service that has all robots.
     all: Option<AllRobots>,
@@ -237,6 +239,9 @@ impl Link {
         ] {
             warn_if_refused(undeclared);
         }
+        for descriptions in self.descriptions {
+            warn_if_refused(descriptions.undeclare().await);
+        }
         self.ros2.close().await;
         if let Err(error) = self.publisher.await {
             tracing::error!(%error, "the publisher of estimates failed");
@@ -288,6 +293,9 @@ impl Parts {
         let presence = ingest::watch_presence(session, keys, fleet.clone())
             .await
             .map_err(refused("the subscriber of liveliness tokens"))?;
+        let descriptions = description::subscribe(session, keys, fleet)
+            .await
+            .map_err(refused("the subscribers of robots' descriptions"))?;
         let progress = outgoing::answer_progress(session, keys, fleet.clone(), self.gate.clone())
             .await
             .map_err(refused("the queryable of progress"))?;
@@ -330,6 +338,7 @@ impl Parts {
             session: self.session,
             runtime: opened.runtime,
             presence,
+            descriptions,
             progress,
             all,
             cluster,

@@ -22,6 +22,9 @@ export type RobotStateUpdate = Schemas['RobotStateUpdate'];
 export type RobotConfig = Omit<Schemas['RobotConfig'], 'streams'> & {
   streams?: Partial<Schemas['RobotStreams']>;
 };
+/** What a robot's own description implies. */
+export type DescribedRobot = Schemas['DescribedRobot'];
+export type DescribedValue = Schemas['DescribedValue'];
 export type Vehicle = Schemas['VehicleDocument'];
 export type VehicleModel = Schemas['VehicleModel'];
 export type MessageType = Schemas['MessageType'];

@@ -53,6 +53,8 @@ pub(crate) const TABLE: &[(&str, &str, Access)] = &[
     ("GET", "/api/v1/robots", Viewer),
     ("GET", "/api/v1/robots/{id}", Viewer),
     ("PUT", "/api/v1/robots/{id}", Operator),
+    ("GET", "/api/v1/robots/{id}/description", Viewer),
+    ("POST", "/api/v1/robots/{id}/description", Operator),
     ("GET", "/api/v1/robots/{id}/estimate", Viewer),
     ("GET", "/api/v1/robots/{id}/history", Viewer),
     ("GET", "/api/v1/robots/{id}/cross_track_error", Viewer),

@@ -3,6 +3,7 @@
 mod checks;
 mod connection;
 mod cross_track;
+mod description;
 mod document;
 mod estimate;
 mod events;
@@ -29,6 +30,10 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(list::list_robots))
         .routes(routes!(registration::get_robot, registration::put_robot))
+        .routes(routes!(
+            description::get_description,
+            description::take_description
+        ))
         .routes(routes!(estimate::get_estimate))
         .routes(routes!(history::get_history))
         .routes(routes!(cross_track::get_cross_track_error))

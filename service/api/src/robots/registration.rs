@@ -79,18 +79,23 @@ pub(super) async fn put_robot(
     headers: HeaderMap,
     Body { value: config, .. }: Body<RobotConfig>,
 ) -> Result<Response, Problem> {
-    let expected = expected(&headers)?;
+    store(api, id, config, &headers, caller.actor).await
+}
+
+/// Stores a configuration under the preconditions of a request, and answers with the robot.
+pub(super) async fn store(
+    api: ApiState,
+    id: RobotId,
+    config: RobotConfig,
+    headers: &HeaderMap,
+    actor: Actor,
+) -> Result<Response, Problem> {
+    let expected = expected(headers)?;
     check_room(&api, &id)?;
     check_prefix(&api, &id, &config)?;
     check_estimator(&api, &config)?;
     // A task of its own: what is stored reaches the fleet, even if the client goes away meanwhile.
-    let registered = tokio::spawn(register(
-        api.clone(),
-        id.clone(),
-        config,
-        expected,
-        caller.actor,
-    ));
+    let registered = tokio::spawn(register(api.clone(), id.clone(), config, expected, actor));
     let (version, configured) = registered.await.map_err(|_| Problem::panicked())??;
     let status = if version == Version(1) {
         StatusCode::CREATED

@@ -6,6 +6,7 @@ mod approval;
 mod certificates;
 mod checks;
 mod cluster;
+mod described;
 mod description;
 mod export;
 mod metrics;

@@ -54,14 +54,16 @@ impl DescribedConfig {
             own.add("model", layout.model(), source);
         }
         if let Some((metres, source)) = own.derived(&proposal.wheelbase_m) {
+            let metres = in_digits(metres);
             own.wheelbase_m = own.accepted(Wheelbase::try_from(metres));
             own.add("wheelbase_m", metres, source);
         }
         if let Some((metres, source)) = own.derived(&proposal.track_m) {
-            own.add("track_m", metres, source);
+            own.add("track_m", in_digits(metres), source);
         }
         own.take_joints(proposal);
         if let Some((pose, source)) = own.derived(&proposal.rear_axle_in_base_link) {
+            let pose = pose_in_digits(pose);
             own.rear_axle_in_base_link = own.accepted(Mount::try_from(pose));
             own.add("rear_axle_in_base_link", pose, source);
         }
@@ -105,9 +107,11 @@ impl DescribedConfig {
     fn add(&mut self, key: &str, value: impl Serialize, source: String) {
         self.values.push(DescribedValue {
             key: key.to_owned(),
-            value: in_digits(json!(value)),
+            value: json!(value),
             source,
             used: false,
+            in_use: None,
+            contradicted: false,
         });
     }
 
@@ -124,6 +128,7 @@ impl DescribedConfig {
             return;
         };
         let (wheel_radius_m, radius_source) = radius.unzip();
+        let wheel_radius_m = wheel_radius_m.map(in_digits);
         let taken = Joints {
             steering: Some(steering.clone()),
             steering_gear: joints.steering_gear,
@@ -161,6 +166,7 @@ impl DescribedConfig {
             ));
             return;
         };
+        let pose = pose_in_digits(pose);
         self.nominal_extrinsics = self.accepted(Mount::try_from(pose));
         self.add("nominal_extrinsics", pose, source);
     }
@@ -174,14 +180,7 @@ impl DescribedConfig {
         if config.streams.joints().is_none()
             && let Some(joints) = &self.joints
         {
-            let fields = StreamsFields {
-                joints: Some(joints.clone()),
-                ..config.streams.fields().clone()
-            };
-            // The joints were checked by themselves, and no other field refuses them.
-            if let Ok(streams) = RobotStreams::try_from(fields) {
-                config.streams = streams;
-            }
+            set_joints(config, joints);
         }
     }
 
@@ -189,6 +188,34 @@ impl DescribedConfig {
     /// wheelbase cannot be derived.
     pub fn config(&self) -> Option<RobotConfig> {
         let mut config = RobotConfig::of_vehicle(self.model?, self.wheelbase_m?);
+        self.fill(&mut config);
+        Some(config)
+    }
+
+    /// Makes the configuration of a robot after the described values have replaced those that they
+    /// contradict or that it lacks; `None` if it has no configuration and model or wheelbase cannot be
+    /// derived.
+    pub fn over(&self, config: Option<RobotConfig>) -> Option<RobotConfig> {
+        let Some(mut config) = config else {
+            return self.config();
+        };
+        let before = config.clone();
+        let is_apart = |key| matches!(self.comparison(key, &before), Comparison::Apart);
+        if is_apart("nominal_extrinsics") {
+            config.nominal_extrinsics = None;
+        }
+        if is_apart("rear_axle_in_base_link") {
+            config.rear_axle_in_base_link = None;
+        }
+        if is_apart("streams.joints")
+            && let Some(joints) = &self.joints
+        {
+            set_joints(&mut config, joints);
+        }
+        if is_apart("wheelbase_m") {
+            config.wheelbase_m = self.wheelbase_m.unwrap_or(config.wheelbase_m);
+        }
+        config.model = self.model.unwrap_or(config.model);
         self.fill(&mut config);
         Some(config)
     }
@@ -210,13 +237,17 @@ impl DescribedConfig {
         let mut remarks = self.remarks.clone();
         if let Some(config) = in_use {
             for value in &mut values {
-                match self.comparison(&value.key, config) {
-                    Comparison::Same => value.used = true,
-                    Comparison::Unset | Comparison::Close => {}
-                    Comparison::Apart(used) => remarks.push(format!(
-                        "{}: {used} is used, and the description has {} ({})",
-                        value.key, value.value, value.source
-                    )),
+                value.in_use = configured(&value.key, config);
+                match (self.comparison(&value.key, config), &value.in_use) {
+                    (Comparison::Same, _) => value.used = true,
+                    (Comparison::Apart, Some(used)) => {
+                        value.contradicted = true;
+                        remarks.push(format!(
+                            "{}: {used} is used, and the description has {} ({})",
+                            value.key, value.value, value.source
+                        ));
+                    }
+                    _ => {}
                 }
             }
         }
@@ -258,17 +289,40 @@ impl DescribedConfig {
     }
 }
 
+/// Sets the joints of a configuration. They were checked by themselves; a stream of the configuration
+/// that needs more of them keeps its own.
+fn set_joints(config: &mut RobotConfig, joints: &Joints) {
+    let fields = StreamsFields {
+        joints: Some(joints.clone()),
+        ..config.streams.fields().clone()
+    };
+    if let Ok(streams) = RobotStreams::try_from(fields) {
+        config.streams = streams;
+    }
+}
+
+/// Returns the value of a configuration that a described one is compared with.
+fn configured(key: &str, config: &RobotConfig) -> Option<Value> {
+    match key {
+        "model" => Some(json!(config.model)),
+        "wheelbase_m" => Some(json!(config.wheelbase_m)),
+        "streams.joints" => config.streams.joints().map(|joints| json!(joints)),
+        "nominal_extrinsics" => config.nominal_extrinsics.map(|mount| json!(mount)),
+        "rear_axle_in_base_link" => config.rear_axle_in_base_link.map(|mount| json!(mount)),
+        _ => None,
+    }
+}
+
 /// Relation of a value in use to the described one.
 enum Comparison {
     Same,
     Close,
-    /// With the value in use.
-    Apart(String),
+    Apart,
     Unset,
 }
 
 impl Comparison {
-    fn of<T: PartialEq + Serialize>(
+    fn of<T: PartialEq>(
         used: Option<&T>,
         described: Option<&T>,
         agree: impl Fn(&T, &T) -> bool,
@@ -276,7 +330,7 @@ impl Comparison {
         match (used, described) {
             (Some(used), Some(described)) if used == described => Self::Same,
             (Some(used), Some(described)) if agree(used, described) => Self::Close,
-            (Some(used), Some(_)) => Self::Apart(json!(used).to_string()),
+            (Some(_), Some(_)) => Self::Apart,
             _ => Self::Unset,
         }
     }
@@ -302,21 +356,17 @@ fn joints_agree(used: &Joints, described: &Joints) -> bool {
         && radii.is_none_or(|(one, other)| lengths_agree(one, other))
 }
 
-/// Rounds the numbers of a value to nine decimals: sums of a drawing's lengths have bits beyond its
-/// digits.
-fn in_digits(value: Value) -> Value {
-    match value {
-        Value::Number(number) if number.is_f64() => {
-            let rounded = number.as_f64().map(|exact| (exact * 1e9).round() / 1e9);
-            json!(rounded)
-        }
-        Value::Array(items) => items.into_iter().map(in_digits).collect(),
-        Value::Object(fields) => {
-            let fields = fields.into_iter();
-            fields.map(|(key, field)| (key, in_digits(field))).collect()
-        }
-        other => other,
-    }
+/// Rounds to nine decimals: sums of a drawing's lengths have bits beyond its digits.
+fn in_digits(exact: f64) -> f64 {
+    // Adding zero takes the sign of a negative one away.
+    (exact * 1e9).round() / 1e9 + 0.0
+}
+
+/// Rounds the parts of a pose.
+fn pose_in_digits(exact: Pose2) -> Pose2 {
+    let Pose2 { x_m, y_m, yaw_rad } = exact;
+    let [x_m, y_m, yaw_rad] = [x_m, y_m, yaw_rad].map(in_digits);
+    Pose2 { x_m, y_m, yaw_rad }
 }
 
 #[cfg(test)]
@@ -336,11 +386,12 @@ mod tests {
     }
 
     #[test]
-    fn a_sum_of_lengths_is_shown_in_the_digits_of_the_drawing() {
-        assert_eq!(
-            in_digits(json!({"x_m": 0.4 + 0.8, "of": [0.1 + 0.2, 3], "name": "lidar"})),
-            json!({"x_m": 1.2, "of": [0.3, 3], "name": "lidar"})
-        );
+    fn a_sum_of_lengths_has_the_digits_of_the_drawing() {
+        let own = described(TUGGER, None);
+        let metres = own.wheelbase_m.unwrap().metres();
+        assert_eq!(json!(metres), json!(1.2));
+        let mount = own.nominal_extrinsics.unwrap();
+        assert_eq!(json!(mount)["x_m"], json!(0.434));
     }
 
     #[test]

@@ -5,8 +5,8 @@ use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros2_key::{TOKENS_OF_BRIDGE, TOKENS_OF_RMW};
 use serde_json::Value;
 
-use super::calibration;
 use super::routes::RouteTable;
+use super::{calibration, description};
 use crate::access::rule;
 
 /// Makes the rules beside those of our own keys.
@@ -43,6 +43,32 @@ pub fn rules(table: &RouteTable) -> Vec<Value> {
         "egress",
         &["declare_liveliness_subscriber"],
         &tokens,
+    );
+    let described = description::expressions();
+    let earlier = description::history_expressions();
+    add(
+        "ros2_descriptions",
+        "ingress",
+        &["put", "reply"],
+        &described,
+    );
+    add(
+        "ros2_descriptions_wanted",
+        "egress",
+        &["declare_subscriber"],
+        &described,
+    );
+    add(
+        "ros2_earlier_descriptions",
+        "ingress",
+        &["declare_queryable"],
+        &earlier,
+    );
+    add(
+        "ros2_earlier_descriptions_wanted",
+        "egress",
+        &["query"],
+        &earlier,
     );
     if settings.publish_calibration {
         let results = calibration::expressions(table);

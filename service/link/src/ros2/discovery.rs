@@ -12,7 +12,7 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Result, Session};
 
-use super::{Ros2, RouteTable, calibration, lock};
+use super::{Ros2, RouteTable, calibration, description, lock};
 
 /// Tokens that are present.
 #[derive(Debug, Default)]
@@ -53,6 +53,9 @@ fn take(ros2: &Ros2, sample: &Sample) {
         return;
     }
     let stands = sample.kind() == SampleKind::Put;
+    if stands && let Some(earlier) = description::announced(&announced.path, announced.layout) {
+        ros2.query_description(earlier);
+    }
     let mut discovery = lock(&ros2.shared.discovery);
     let table = ros2.table();
     let places = table.places(&announced.path, announced.layout).into_iter();
@@ -218,5 +221,8 @@ fn tell(ros2: &Ros2, discovery: &mut Discovery, robot: &RobotId, topics: Topics)
         ros2.announces(robot);
         ros2.moved(robot, &prefix, layout);
         ros2.came(robot);
+        for earlier in description::below(&prefix, layout) {
+            ros2.query_description(earlier);
+        }
     }
 }

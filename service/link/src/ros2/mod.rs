@@ -6,6 +6,7 @@
 
 pub mod access;
 pub mod calibration;
+mod description;
 mod discovery;
 mod graph;
 mod routes;
@@ -54,6 +55,8 @@ struct Shared {
     homes: Mutex<BTreeMap<RobotId, BTreeSet<Home>>>,
     /// Robots that came (back) and need the approved calibration.
     came: mpsc::Sender<RobotId>,
+    /// Earlier messages to query of robots that have announced a description.
+    described: mpsc::Sender<String>,
     /// Signal that `homes` changed.
     homes_changed: Notify,
     /// Signal that a robot has announced a topic and needs a subscriber for it.
@@ -149,6 +152,14 @@ impl Ros2 {
         }
     }
 
+    /// Queues the earlier messages of a description to be queried. It never blocks; those that find
+    /// the queue full are received when the robot publishes them again.
+    fn query_description(&self, expression: String) {
+        if let Err(error) = self.shared.described.try_send(expression) {
+            tracing::debug!(%error, "a robot's description is not queried");
+        }
+    }
+
     /// Makes the attachment of the next message.
     fn attachment(&self, session: &Session) -> Vec<u8> {
         let sequence = self.shared.sent.fetch_add(1, Ordering::Relaxed);
@@ -178,6 +189,7 @@ pub struct Surroundings {
 #[derive(Debug)]
 pub struct Ros2Link {
     ros2: Ros2,
+    /// Subscribers of tokens and of descriptions.
     tokens: Vec<Subscriber<()>>,
     history: Vec<Queryable<()>>,
     tasks: Vec<JoinHandle<()>>,
@@ -204,6 +216,7 @@ impl Ros2Link {
         } = surroundings;
         let publishes = table.settings().publish_calibration;
         let (came, comers) = mpsc::channel(limits::ROBOTS_MAX);
+        let (described, announced) = mpsc::channel(limits::DESCRIPTIONS_ASKED_MAX);
         let changes = [fleet.configured(), fleet.heard_changed()];
         let ros2 = Ros2 {
             shared: Arc::new(Shared {
@@ -214,6 +227,7 @@ impl Ros2Link {
                 discovery: Mutex::default(),
                 homes: Mutex::default(),
                 came,
+                described,
                 homes_changed: Notify::new(),
                 announcing: Notify::new(),
                 sent: AtomicI64::new(1),
@@ -225,9 +239,11 @@ impl Ros2Link {
             streams: heard,
         };
         hearing.follow(session).await?;
-        let tokens = discovery::watch_tokens(session, &ros2).await?;
+        let mut tokens = description::subscribe(session, &ros2).await?;
+        tokens.extend(discovery::watch_tokens(session, &ros2).await?);
         let mut history = Vec::new();
-        let mut tasks = Vec::new();
+        let asking = description::query(session.clone(), ros2.clone(), announced, stop.clone());
+        let mut tasks = vec![tokio::spawn(asking)];
         if publishes {
             let (own, asked) = (ros2.clone(), lifecycle.clone());
             history = calibration::answer_history(session, own, asked, &questions).await?;
