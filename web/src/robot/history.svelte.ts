@@ -2,7 +2,7 @@
 
 import { get, Refusal } from '../api/client';
 import type { Estimate, EventPage, HistoryDocument, ParameterName, RobotEvent } from '../api/types';
-import { robotUrl } from '../fleet/fleet.svelte';
+import { fleet, robotUrl } from '../fleet/fleet.svelte';
 import { now } from '../ui/time.svelte';
 import { CALIBRATED } from '../units/parameters';
 import { isSame, joined } from './events';
@@ -116,6 +116,19 @@ export class History {
     } catch {
       // The list stays as it is; the bar over the page says that the service is away.
     }
+  }
+
+  /** Reads the robot's events, and follows them; returns a function that stops it. */
+  followEvents(): () => void {
+    void this.loadEvents();
+    return fleet.listen({
+      event: (event) => this.takeEvent(event),
+      approval: (id) => {
+        if (id === this.id) void this.loadEvents();
+      },
+      // What was missed is in the history.
+      resync: () => void this.loadEvents(),
+    });
   }
 
   /** Adds an event on its arrival. Its row may be written later. */

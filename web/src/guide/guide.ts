@@ -1,0 +1,212 @@
+/**
+ * Guided calibration after work on a robot: what stands now and what comes next, from the documents
+ * of the service alone, so that every phone shows the same.
+ */
+
+import type { Manoeuvres, Robot, RobotDocument, Standing } from '../api/types';
+import type { Connection } from '../fleet/connection';
+import { needs } from '../fleet/list';
+import { STANDINGS } from '../fleet/standing';
+import { telling } from '../robot/manoeuvres';
+import type { Reassembly } from '../robot/reassembly';
+import type { Face } from '../ui/face';
+import { CALIBRATED } from '../units/parameters';
+
+export type Manoeuvre = Manoeuvres['items'][number];
+
+/** Parts of a robot that a person works on, as the report names them. */
+export const WORK = ['Bracket', 'LiDAR', 'Steering', 'Wheels', 'Other'] as const;
+export type Work = (typeof WORK)[number];
+
+/** Returns the note of a report; null while the part is not named. */
+export function noteOf(work: Work | null, words: string): string | null {
+  const more = words.trim();
+  if (work === null || (work === 'Other' && more === '')) return null;
+  if (work === 'Other') return more;
+  return more === '' ? work : `${work}: ${more}`;
+}
+
+/** Time for which a verdict is the answer to whoever opens the page; an older one is history. */
+const ANSWERS_FOR_MS = 3_600_000;
+
+/**
+ * Stage of the calibration: a question, driving, an obstacle, or the end.
+ *
+ * `ask`: nothing is open; `drive`: the robot has to drive; `blocked`: driving would tell nothing;
+ * `same`, `changed`, `learned`: the service's verdict.
+ */
+export type Stage = 'ask' | 'drive' | 'blocked' | 'same' | 'changed' | 'learned';
+
+/** What has to be done about what stands in the way. */
+const OBSTACLES: Partial<Record<Standing, string>> = {
+  rollback_failed: 'Do not drive it. Stop the robot and check it.',
+  two_senders: 'Find the second sender of this id and stop it.',
+  former_key: 'Have the robot send its wheel odometry on the present key.',
+  estimator_failed: 'Report it to whoever operates the service.',
+  no_instance: 'Report it to whoever operates the service.',
+  no_data: 'Check that the robot is on and connected.',
+  fault: 'Check the sensor. Learning goes on by itself once the fault has gone.',
+  unregistered: 'Set up the vehicle on the robot’s page.',
+};
+
+/** Obstacles that take nothing from a verdict that was given before them, nor refuse a report. */
+const PASSING: readonly Standing[] = ['no_data', 'fault'];
+
+/** State of the robot that calibration cannot get past. */
+export interface Obstacle {
+  standing: Standing;
+  because: string;
+  todo: string;
+}
+
+/** Returns what stands in the way of calibration, or null. */
+export function obstacleOf(
+  { robot, standing, warnings }: Seen,
+  connection: Connection,
+): Obstacle | null {
+  const found = [...warnings.map(({ kind }) => kind), standing].find((one) =>
+    Object.hasOwn(OBSTACLES, one),
+  ) as Standing | undefined;
+  const failed = robot.state === 'failed' ? 'estimator_failed' : undefined;
+  const name = failed ?? found ?? (connection === 'online' ? undefined : 'no_data');
+  if (name === undefined) return null;
+  return {
+    standing: name,
+    because: STANDINGS[name].meaning,
+    todo: OBSTACLES[name] ?? '',
+  };
+}
+
+/** The robot as the service describes it. */
+export interface Seen {
+  robot: Robot;
+  standing: Standing;
+  warnings: RobotDocument['warnings'];
+}
+
+export interface Guide {
+  stage: Stage;
+  obstacle: Obstacle | null;
+  /** Latest reassembly, also one whose verdict is history. */
+  reassembly: Reassembly | null;
+}
+
+/** Returns the stage of a robot's calibration at `now_ms`. */
+export function guideOf(
+  seen: Seen,
+  connection: Connection,
+  reassembly: Reassembly | null,
+  now_ms: number,
+): Guide {
+  const obstacle = obstacleOf(seen, connection);
+  const given = verdictOf(reassembly, now_ms);
+  const isOpen = reassembly?.verdict === 'open' || seen.robot.estimate?.reassembly_open === true;
+  // Work on a robot that is switched off can be reported.
+  const passes = obstacle !== null && PASSING.includes(obstacle.standing) && !isOpen;
+  const stage = obstacle && !passes ? 'blocked' : (given ?? (isOpen ? 'drive' : 'ask'));
+  return { stage, obstacle, reassembly };
+}
+
+/** Returns the stage that the service's verdict is, while it answers who opens the page. */
+function verdictOf(reassembly: Reassembly | null, now_ms: number): Stage | null {
+  if (!reassembly?.by) return null;
+  if (now_ms - Date.parse(reassembly.by.received) > ANSWERS_FOR_MS) return null;
+  if (reassembly.verdict === 'same' || reassembly.verdict === 'changed') return reassembly.verdict;
+  return reassembly.verdict === 'nothing_stored' ? 'learned' : null;
+}
+
+/** Motion that is asked for next: the words of the service, and a manoeuvre to draw for it. */
+export interface Asked {
+  text: string;
+  manoeuvre: Manoeuvre | null;
+}
+
+/** Returns the motion that is missing, the best first; null while none is. */
+export function askedOf(robot: Robot, ranked: readonly Manoeuvre[]): Asked | null {
+  const wanted = needs(robot).map(({ need }) => need);
+  const [first] = wanted;
+  if (first === undefined) return null;
+  const [best] = telling([...ranked], wanted);
+  // A need that no manoeuvre meets, such as something to look at, stands first in its own words.
+  const drawn = best && wanted.includes(best.instruction) ? best : null;
+  return drawn ? { text: drawn.instruction, manoeuvre: drawn } : { text: first, manoeuvre: null };
+}
+
+/** Returns how many of the four values are known, and how many are wanted. */
+export function knownOf(robot: Robot): { known: number; of: number } {
+  const wanted = CALIBRATED.map((name) => robot.estimate?.parameters[name].status).filter(
+    (status) => status !== 'fixed' && status !== 'off',
+  );
+  return { known: wanted.filter((status) => status === 'converged').length, of: wanted.length };
+}
+
+/** Faces of the stages. */
+export const STAGES: Record<Exclude<Stage, 'blocked'>, Face> = {
+  ask: {
+    word: 'What was done?',
+    shape: 'ring',
+    tone: 'active',
+    meaning: 'Calibration starts with your report.',
+  },
+  drive: {
+    word: 'Not known yet',
+    shape: 'half',
+    tone: 'active',
+    meaning: 'The robot has to drive until it is calibrated again.',
+  },
+  same: {
+    word: 'Unchanged',
+    shape: 'check',
+    tone: 'good',
+    meaning: 'It is calibrated as before the work.',
+  },
+  changed: {
+    word: 'Changed',
+    shape: 'diamond',
+    tone: 'bad',
+    meaning: 'It is no longer calibrated as before the work.',
+  },
+  learned: {
+    word: 'Learned',
+    shape: 'check',
+    tone: 'good',
+    meaning: 'No finished calibration was known before the work, so nothing was compared.',
+  },
+};
+
+/** Returns the face of a stage. */
+export function stageFace({ stage, obstacle }: Guide): Face {
+  if (stage !== 'blocked') return STAGES[stage];
+  const tone = obstacle ? STANDINGS[obstacle.standing].tone : 'bad';
+  const because = obstacle?.because ?? '';
+  return {
+    word: 'Cannot be calibrated',
+    shape: 'cross',
+    tone: tone === 'warn' ? 'warn' : 'bad',
+    meaning: because,
+  };
+}
+
+/** Returns whether the robot may be driven for its calibration, in a few words. */
+export function mayDrive({ stage, obstacle }: Guide, robot: Robot): string {
+  switch (stage) {
+    case 'blocked':
+      return obstacle?.standing === 'rollback_failed' ? 'No, stop it' : 'Not yet';
+    case 'ask':
+      return 'Report first';
+    case 'drive':
+      return 'Yes, by hand';
+    case 'same':
+      return 'Yes';
+    default:
+      return usesFormer(robot) ? 'By hand only' : 'Yes';
+  }
+}
+
+/** True while the robot uses values that a verdict has replaced and that are not applied yet. */
+export function usesFormer({ calibration, standing }: Robot): boolean {
+  const { deployment, proposal } = calibration;
+  if (proposal != null) return true;
+  if (deployment === 'queued' || deployment === 'offered') return true;
+  return ['drift', 'uncalibrated', 'not_applied', 'out_of_sync'].includes(standing);
+}
