@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import type { TopView } from '../api/types';
-import { boxOf, placeOn, robotIn, trailOf, transform, viewOf } from './drawing';
+import { boxOf, floorOf, placeOn, robotIn, trailOf, transform, viewOf } from './drawing';
 import { place } from '../robot/top-view';
 
 const RADIUS_M = 3;
@@ -72,6 +72,20 @@ describe('the place of a robot on a manoeuvre', () => {
 });
 
 describe('the view', () => {
+  it('draws the floor around the path, whichever way round it fits', () => {
+    const straight = floorOf({ path_m: path(10, 0), length_m: 10, width_m: 1 });
+    expect(straight.flat()).toEqual([0, -0.5, 10, 0.5].map((m) => expect.closeTo(m)));
+    const eight = [
+      [-3, 6],
+      [3, -6],
+    ];
+    const turned = floorOf({ path_m: eight, length_m: 12, width_m: 6 });
+    expect(turned).toEqual([
+      [-3, -6],
+      [3, 6],
+    ]);
+  });
+
   it('heads upwards and holds the whole manoeuvre', () => {
     const turn = path(2, 5);
     const view = viewOf(boxOf(turn), 300, 200, 1);
@@ -82,9 +96,9 @@ describe('the view', () => {
       expect(py).toBeGreaterThanOrEqual(0);
       expect(py).toBeLessThanOrEqual(200);
     }
-    const [begin, end] = [on[0] ?? [0, 0], on.at(-1) ?? [0, 0]];
+    const [[bx = 0, by = 0] = [], [ex = 0, ey = 0] = []] = [on[0], on.at(-1)];
     // It begins below and ends above, to the left.
-    expect(begin[1]).toBeGreaterThan(end[1]);
-    expect(begin[0]).toBeGreaterThan(end[0]);
+    expect(by).toBeGreaterThan(ey);
+    expect(bx).toBeGreaterThan(ex);
   });
 });

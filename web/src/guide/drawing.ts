@@ -5,6 +5,7 @@
 
 import type { TopView } from '../api/types';
 import type { Point, View } from '../robot/top-view';
+import type { Manoeuvre } from './guide';
 
 /** Pose in the plane: position, m, and heading, rad. */
 export interface Pose {
@@ -125,6 +126,9 @@ export function trailOf({ trajectory }: TopView, since_ns: number): Point[] {
   return trajectory.filter(({ stamp_ns }) => stamp_ns >= since_ns).map((point) => point.by_lidar_m);
 }
 
+/** Path of a manoeuvre and the sides of the floor that it needs, m. */
+type Floor = Pick<Manoeuvre, 'path_m' | 'length_m' | 'width_m'>;
+
 /** Rectangle in the manoeuvre's frame: its smallest and largest corner. */
 export type Box = [low: Point, high: Point];
 
@@ -134,6 +138,19 @@ export function boxOf(points: readonly Point[]): Box {
   return [
     [Math.min(...xs), Math.min(...ys)],
     [Math.max(...xs), Math.max(...ys)],
+  ];
+}
+
+/** Returns the floor that a manoeuvre needs, around the middle of its path. */
+export function floorOf({ path_m, length_m, width_m }: Floor): Box {
+  const [low, high] = boxOf(path_m);
+  const [along_m, across_m] = [x(high) - x(low), y(high) - y(low)];
+  const fits = along_m <= length_m + 0.01 && across_m <= width_m + 0.01;
+  const [long_m, wide_m] = fits ? [length_m, width_m] : [width_m, length_m];
+  const [mx, my] = [(x(low) + x(high)) / 2, (y(low) + y(high)) / 2];
+  return [
+    [mx - long_m / 2, my - wide_m / 2],
+    [mx + long_m / 2, my + wide_m / 2],
   ];
 }
 

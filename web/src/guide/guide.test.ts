@@ -1,7 +1,17 @@
 import { describe, expect, it } from 'vitest';
 import type { EventKind, Parameter, Robot, RobotEvent } from '../api/types';
 import { reassemblyOf } from '../robot/reassembly';
-import { askedOf, guideOf, knownOf, type Manoeuvre, mayDrive, noteOf, stageFace } from './guide';
+import {
+  askedOf,
+  guideOf,
+  isDone,
+  knownOf,
+  type Manoeuvre,
+  mayDrive,
+  noteOf,
+  stageFace,
+  usesEstimate,
+} from './guide';
 
 const NOW_MS = Date.UTC(2026, 0, 1, 12, 10);
 
@@ -57,7 +67,7 @@ const guide = (
 describe('the guide', () => {
   it('asks what was done while nothing is reported', () => {
     expect(guide(robot(false))).toMatchObject({ stage: 'ask', obstacle: null });
-    expect(mayDrive(guide(robot(false)), robot(false))).toBe('Report first');
+    expect(mayDrive(guide(robot(false)), true)).toBe('Report first');
   });
 
   it('has the robot driven from the report to the verdict, and gives none of its own', () => {
@@ -109,18 +119,35 @@ describe('the guide', () => {
     const failed = robot(true, { state: 'failed' });
     expect(stageFace(guide(failed, reported)).meaning).toContain('stopped');
     const stop = robot(false, { standing: 'rollback_failed' });
-    expect(mayDrive(guide(stop), stop)).toBe('No, stop it');
+    expect(mayDrive(guide(stop), true)).toBe('No, stop it');
   });
 
-  it('has a changed robot driven by hand until it uses its new values', () => {
+  it('has a changed robot driven by hand until it is known to use its new values', () => {
     const events = [event('calibration_changed', 7), event('reassembled', 5)];
-    const may = (of: Robot) => mayDrive(guide(of, events), of);
-    const { calibration } = robot(false);
-    expect(may(robot(false, { calibration: { ...calibration, proposal: 3 } }))).toBe(
-      'By hand only',
-    );
-    expect(may(robot(false, { standing: 'uncalibrated' }))).toBe('By hand only');
-    expect(may(robot(false, { standing: 'calibrated' }))).toBe('Yes');
+    expect(mayDrive(guide(robot(false), events), false)).toBe('By hand only');
+    expect(mayDrive(guide(robot(false), events), true)).toBe('Yes');
+    // One that has not said what it uses is not known to.
+    const tolerance = { steering_offset_deg: 0.15, lidar_yaw_deg: 0.2, lidar_position_mm: 10 };
+    expect(usesEstimate(robot(false), tolerance)).toBe(false);
+    const in_use = { steering_offset_rad: 0, lidar_x_m: 0, lidar_y_m: 0, lidar_yaw_rad: 0 };
+    const calibration = { ...robot(false).calibration, in_use };
+    expect(usesEstimate(robot(false, { calibration }), tolerance)).toBe(true);
+    calibration.in_use.steering_offset_rad = 0.01;
+    expect(usesEstimate(robot(false, { calibration }), tolerance)).toBe(false);
+  });
+
+  it('is not done while a changed robot has something to learn, and is when it is unchanged', () => {
+    const done = (kind: EventKind, asked = askedOf(robot(false), []), uses = true) =>
+      isDone(
+        guide(robot(false), [event(kind, 7), event('reassembled', 5)]),
+        robot(false),
+        asked,
+        uses,
+      );
+    expect(done('calibration_changed')).toBe('No, 1 of 4 known');
+    expect(done('calibration_confirmed')).toBe('Yes');
+    expect(done('calibration_changed', null)).toBe('Yes');
+    expect(done('calibration_changed', null, false)).toBe('With driving, yes');
   });
 });
 
@@ -137,7 +164,7 @@ describe('what is asked next', () => {
   });
 
   it('is in the words of the service where no manoeuvre is that', () => {
-    expect(askedOf(robot(true), [manoeuvre('a figure-eight')])).toEqual({
+    expect(askedOf(robot(true), [manoeuvre('a figure-eight')])).toMatchObject({
       text: 'a quarter turn to the right',
       manoeuvre: null,
     });

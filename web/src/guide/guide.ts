@@ -3,8 +3,9 @@
  * of the service alone, so that every phone shows the same.
  */
 
-import type { Manoeuvres, Robot, RobotDocument, Standing } from '../api/types';
+import type { Manoeuvres, Robot, RobotDocument, Standing, Tolerance } from '../api/types';
 import type { Connection } from '../fleet/connection';
+import { deviationOf } from '../fleet/deviation';
 import { needs } from '../fleet/list';
 import { STANDINGS } from '../fleet/standing';
 import { telling } from '../robot/manoeuvres';
@@ -115,7 +116,10 @@ function verdictOf(reassembly: Reassembly | null, now_ms: number): Stage | null 
   return reassembly.verdict === 'nothing_stored' ? 'learned' : null;
 }
 
-/** Motion that is asked for next: the words of the service, and a manoeuvre to draw for it. */
+/**
+ * Motion that is asked for next, in the words of the service, and the manoeuvre to draw for it; null
+ * where no single one is meant.
+ */
 export interface Asked {
   text: string;
   manoeuvre: Manoeuvre | null;
@@ -127,9 +131,18 @@ export function askedOf(robot: Robot, ranked: readonly Manoeuvre[]): Asked | nul
   const [first] = wanted;
   if (first === undefined) return null;
   const [best] = telling([...ranked], wanted);
-  // A need that no manoeuvre meets, such as something to look at, stands first in its own words.
-  const drawn = best && wanted.includes(best.instruction) ? best : null;
-  return drawn ? { text: drawn.instruction, manoeuvre: drawn } : { text: first, manoeuvre: null };
+  return best && wanted.includes(best.instruction)
+    ? { text: best.instruction, manoeuvre: best }
+    : { text: first, manoeuvre: null };
+}
+
+/**
+ * True while there is something to drive: from a report to its verdict, and for a robot that still
+ * has to learn something. One that is unchanged needs no more, whatever driving would tell.
+ */
+export function hasToDrive({ stage }: Guide, asked: Asked | null): boolean {
+  if (stage === 'drive') return true;
+  return stage !== 'same' && stage !== 'blocked' && asked !== null;
 }
 
 /** Returns how many of the four values are known, and how many are wanted. */
@@ -143,10 +156,10 @@ export function knownOf(robot: Robot): { known: number; of: number } {
 /** Faces of the stages. */
 export const STAGES: Record<Exclude<Stage, 'blocked'>, Face> = {
   ask: {
-    word: 'What was done?',
+    word: 'Nothing reported',
     shape: 'ring',
-    tone: 'active',
-    meaning: 'Calibration starts with your report.',
+    tone: 'quiet',
+    meaning: 'Say below what was done: the comparison starts with your report.',
   },
   drive: {
     word: 'Not known yet',
@@ -188,7 +201,7 @@ export function stageFace({ stage, obstacle }: Guide): Face {
 }
 
 /** Returns whether the robot may be driven for its calibration, in a few words. */
-export function mayDrive({ stage, obstacle }: Guide, robot: Robot): string {
+export function mayDrive({ stage, obstacle }: Guide, usesKnown: boolean): string {
   switch (stage) {
     case 'blocked':
       return obstacle?.standing === 'rollback_failed' ? 'No, stop it' : 'Not yet';
@@ -199,14 +212,28 @@ export function mayDrive({ stage, obstacle }: Guide, robot: Robot): string {
     case 'same':
       return 'Yes';
     default:
-      return usesFormer(robot) ? 'By hand only' : 'Yes';
+      return usesKnown ? 'Yes' : 'By hand only';
   }
 }
 
-/** True while the robot uses values that a verdict has replaced and that are not applied yet. */
-export function usesFormer({ calibration, standing }: Robot): boolean {
-  const { deployment, proposal } = calibration;
-  if (proposal != null) return true;
-  if (deployment === 'queued' || deployment === 'offered') return true;
-  return ['drift', 'uncalibrated', 'not_applied', 'out_of_sync'].includes(standing);
+/** Returns whether whoever drives is done, in a few words. */
+export function isDone(
+  guide: Guide,
+  robot: Robot,
+  asked: Asked | null,
+  usesKnown: boolean,
+): string {
+  const { known, of } = knownOf(robot);
+  if (guide.stage === 'ask') return 'Not started';
+  if (guide.stage === 'blocked' || hasToDrive(guide, asked)) return `No, ${known} of ${of} known`;
+  return guide.stage === 'same' || usesKnown ? 'Yes' : 'With driving, yes';
+}
+
+/**
+ * True if the robot is known to use what is estimated now, by the tolerance of proposals: false also
+ * for one that has not said what it uses.
+ */
+export function usesEstimate(robot: Robot, tolerance: Tolerance | undefined): boolean {
+  const { worst } = deviationOf(robot, tolerance);
+  return worst !== null && worst <= 1;
 }

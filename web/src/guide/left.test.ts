@@ -8,6 +8,7 @@ const parameter = (sigma: number, status: Parameter['status']): Parameter => ({
   sigma,
   unit: 'm',
   status,
+  needs: status === 'learning' ? 'a turn' : null,
 });
 
 describe('a bar', () => {
@@ -32,6 +33,7 @@ describe('the way left', () => {
   const limits = { steering_offset: 0.001, lidar_x: 0.005, lidar_y: 0.005, lidar_yaw: 0.002 };
   const manoeuvre = (distance_m: number, duration_s: number, x: number, y: number) =>
     ({
+      instruction: 'a turn',
       distance_m,
       duration_s,
       sigma_after: { steering_offset: 0.0005, lidar_x: x, lidar_y: y, lidar_yaw: 0.001 },
@@ -56,12 +58,20 @@ describe('the way left', () => {
     expect(left?.duration_s).toBeCloseTo(30);
     const one = robot(parameter(0.01, 'learning'), parameter(0.002, 'converged'));
     expect(leftOf(one, items, limits)?.distance_m).toBeCloseTo(10);
+    expect(left?.isLeast).toBe(false);
+  });
+
+  it('is a least where a value needs something else than a manoeuvre', () => {
+    const items = [manoeuvre(10, 12, 0.005, 0.005)];
+    const other = { ...parameter(0.02, 'learning'), needs: 'more driving' };
+    const left = leftOf(robot(parameter(0.01, 'learning'), other), items, limits);
+    expect(left).toMatchObject({ isLeast: true, distance_m: expect.closeTo(10) });
+    expect(leftOf(robot(parameter(0.001, 'converged'), other), items, limits)).toBeNull();
   });
 
   it('is not known where no manoeuvre leads there or no sigma tells', () => {
     const items = [manoeuvre(10, 12, 0.005, 0.01)];
     const both = robot(parameter(0.01, 'learning'), parameter(0.01, 'learning'));
-    expect(leftOf(both, items, limits)).toBeNull();
     const beyond = robot(parameter(0.001, 'learning'), parameter(0.002, 'converged'));
     expect(leftOf(beyond, items, limits)).toBeNull();
     expect(leftOf(both, items, null)).toBeNull();

@@ -26,9 +26,14 @@ function isOpen({ status }: Parameter): boolean {
 }
 
 /** Way and time to go. */
-export interface Left {
+export interface Way {
   distance_m: number;
   duration_s: number;
+}
+
+export interface Left extends Way {
+  /** True if a value needs something else than a manoeuvre, whose way is not known. */
+  isLeast: boolean;
 }
 
 /**
@@ -42,9 +47,9 @@ export function metresFor(sigma: number, limit: number, after: number, distance_
 }
 
 /**
- * Returns the way until all four values are known, each by the manoeuvre that tells most about it
- * per metre: the longest of these ways. Null where no manoeuvre leads there, or nothing is left
- * that a sigma could tell.
+ * Returns the way until the values are known, each by the manoeuvre that tells most about it per
+ * metre: the longest of these ways. Null where no way is known, or nothing is left that a sigma
+ * could tell.
  */
 export function leftOf(
   robot: Robot,
@@ -53,18 +58,15 @@ export function leftOf(
 ): Left | null {
   const { estimate } = robot;
   if (!estimate || !limits) return null;
-  const ways = CALIBRATED.filter((name) => isOpen(estimate.parameters[name])).map((name) =>
-    shortest(name, estimate.parameters[name].sigma, ranked, limits),
-  );
-  return ways.reduce<Left | null>(
-    (most, way, i) =>
-      way === null || (i > 0 && most === null)
-        ? null
-        : most !== null && most.distance_m >= way.distance_m
-          ? most
-          : way,
-    null,
-  );
+  const ways = CALIBRATED.filter((name) => isOpen(estimate.parameters[name])).map((name) => {
+    const { sigma, needs } = estimate.parameters[name];
+    // The sigma of a value that waits for something else does not come down by a manoeuvre.
+    const isAsked = ranked.some(({ instruction }) => instruction === needs);
+    return isAsked ? shortest(name, sigma, ranked, limits) : null;
+  });
+  const known = ways.filter((way) => way !== null);
+  const [longest] = known.sort((a, b) => b.distance_m - a.distance_m);
+  return longest ? { ...longest, isLeast: known.length < ways.length } : null;
 }
 
 function shortest(
@@ -72,7 +74,7 @@ function shortest(
   sigma: number,
   ranked: readonly Manoeuvre[],
   limits: Limits,
-): Left | null {
+): Way | null {
   const ways = ranked.flatMap(({ sigma_after, distance_m, duration_s }) => {
     const way_m = metresFor(sigma, limits[name], sigma_after[name], distance_m);
     const pace_spm = duration_s / distance_m;
@@ -80,7 +82,7 @@ function shortest(
       ? []
       : [{ distance_m: way_m, duration_s: way_m * pace_spm }];
   });
-  return ways.reduce<Left | null>(
+  return ways.reduce<Way | null>(
     (best, way) => (best !== null && best.distance_m <= way.distance_m ? best : way),
     null,
   );
