@@ -140,14 +140,14 @@ build-for-tests: dashboard rust
 	$(CARGO) build --release --locked --workspace --bins --tests
 	@.ci/dependencies keep $(BUILT)
 
-# More tests at once than processors: many of them wait for processes and for real time.
-WAITING = $$(( $$(nproc) + 1 ))
+# Places for tests, as .config/nextest.toml gives them out: many tests wait for processes and for real time.
+PLACES = $$(( $$(nproc) * 3 ))
 # What needs recordings is `make test-recordings`: the rest passes with no folder beside it.
 .PHONY: test-rust
 test-rust: build-for-tests strace python ## Rust tests, end-to-end ones included
 	if $(CARGO) nextest --version >/dev/null 2>&1; then \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
-	    $(CARGO) nextest run --release --locked --workspace --bins --tests --test-threads $(WAITING) -E 'not test(/^recordings::/) and (not binary(cluster) or test(/^(checker|figures|progress)::/))'; \
+	    $(CARGO) nextest run --release --locked --workspace --bins --tests --test-threads $(PLACES) -E 'not test(/^recordings::/) and (not binary(cluster) or test(/^(checker|figures|progress)::/))'; \
 	else \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
 	    $(CARGO) test --release --locked --workspace -- --test-threads 2 \

@@ -4,6 +4,7 @@
 //! same documents on Zenoh, over HTTP and from `fleetcal calibrate --json`. Units are SI and
 //! radians, and stand last in the names.
 
+pub mod audit_head;
 pub mod calibration;
 pub mod cdr;
 pub mod certificate;

@@ -3,12 +3,12 @@
 
 use std::error::Error;
 use std::io::Write;
-use std::net::TcpListener;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use fleetcal_ports::free_address;
 use fleetcal_proto::{Keys, StreamKind};
 use fleetcal_robot::fleet::{FleetOptions, run_fleet, simulated_robots};
 use tokio_util::sync::CancellationToken;
@@ -21,8 +21,7 @@ async fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
     let mut arguments = std::env::args().skip(1);
     let robots = arguments.next().map_or(Ok(50), |text| text.parse())?;
     let duration_s = arguments.next().map_or(Ok(20), |text| text.parse())?;
-    let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
-    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let endpoint = format!("tcp/{}", free_address());
     let router = router(&endpoint).await?;
     let keys = Keys::default();
     let drives = count(&router, &keys.stream_of_all(StreamKind::WheelOdometry)).await?;

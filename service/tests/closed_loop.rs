@@ -8,7 +8,7 @@
     reason = "a test that cannot go on fails, and prints its figures"
 )]
 
-use std::net::{SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::time::Duration;
@@ -23,6 +23,7 @@ use fleetcal_domain::approval::{
 use fleetcal_domain::robot::{Mount, RobotConfig, Wheelbase};
 use fleetcal_estimator::{Pose2, VehicleModel};
 use fleetcal_model::Generation;
+use fleetcal_ports::free_address;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_proto::signing::{KEY_BYTES, SigningKey, TrustedKeys, sha256_hex};
 use fleetcal_proto::{Keys, RobotId};
@@ -40,11 +41,6 @@ const RESIDUAL_MAX_DEG: f64 = 0.1;
 const PROMISE_MISSED_MAX: f64 = 0.25;
 /// Longest duration of the whole.
 const PATIENCE: Duration = Duration::from_secs(200);
-
-fn free_port() -> u16 {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    listener.local_addr().unwrap().port()
-}
 
 fn robots() -> Vec<SimulatedRobot> {
     let mut robots = simulated_robots(OFFSETS_DEG.len(), 3).unwrap();
@@ -142,7 +138,7 @@ async fn until(what: &str, mut is: impl FnMut() -> bool) {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_offset_is_found_approved_pulled_and_proven() {
     let data = tempfile::tempdir().unwrap();
-    let endpoint = format!("tcp/127.0.0.1:{}", free_port());
+    let endpoint = format!("tcp/{}", free_address());
     let robots = robots();
     let config = Config {
         data: data.path().join("data"),

@@ -1,10 +1,10 @@
 //! A service's half of the calibration keys, in a router of its own.
 
-use std::net::TcpListener;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use fleetcal_model::{Generation, RevisionId, WallTime};
+use fleetcal_ports::free_address;
 use fleetcal_proto::calibration::{
     Applied, AppliedStatus, CalibrationDocument, CalibrationFrame, CalibrationSchema,
     CalibrationValues, ConfirmationDocument, Confirmed, Envelope,
@@ -102,9 +102,7 @@ pub struct Service {
 
 impl Service {
     pub async fn start() -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let endpoint = format!("tcp/{}", listener.local_addr().unwrap());
-        drop(listener);
+        let endpoint = format!("tcp/{}", free_address());
         let mut config = zenoh::Config::default();
         for (name, value) in [
             ("mode", "\"router\"".to_owned()),

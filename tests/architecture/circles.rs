@@ -36,7 +36,8 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 29] = [
+pub const CRATES: [Member; 30] = [
+    member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),
     member("fleetcal-proto", "proto", "model"),
@@ -81,7 +82,7 @@ pub const CRATES: [Member; 29] = [
     member(
         "fleetcal-contract",
         "service/contract",
-        "clock cluster domain model postgres proto sqlite store",
+        "clock cluster domain model ports postgres proto sqlite store",
     ),
     member(
         "fleetcal-fleet",

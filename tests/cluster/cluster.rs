@@ -10,9 +10,10 @@ use std::sync::atomic::{AtomicU16, Ordering};
 
 use fleetcal_contract::own_server::OwnServer;
 use fleetcal_contract::server;
+use fleetcal_ports::free_address;
 use fleetcal_robot::fleet::{SimulatedRobot, simulated_robots};
 use fleetcal_store::database_url::PostgresUrl;
-use fleetcal_tests::service::{free_port, wait_for};
+use fleetcal_tests::service::wait_for;
 use fleetcal_tests::{binary, http};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -362,7 +363,7 @@ impl Cluster {
         name: &str,
         settings: &[(&str, Value)],
     ) -> (Process, SocketAddr, PathBuf) {
-        let http = free_port();
+        let http = free_address();
         let zenoh = self.client(name, &self.routers[..1]);
         let mut config: Value = serde_json::from_slice(&fs::read(&zenoh).unwrap()).unwrap();
         for (key, value) in settings {
@@ -379,7 +380,7 @@ impl Cluster {
 
     /// Starts a service that has all robots and waits until it is ready.
     pub fn start_alone(&self) -> Process {
-        let http = free_port();
+        let http = free_address();
         let process = self.spawn("alone", 0, &["--http", &http.to_string()]);
         wait_until_ready(http);
         process
@@ -401,7 +402,7 @@ impl Cluster {
     }
 
     fn token(&self, name: &str) -> String {
-        self.token_of(&format!("{name}-{}", free_port().port()))
+        self.token_of(&format!("{name}-{}", free_address().port()))
     }
 
     /// Makes a token of an administrator of this name.

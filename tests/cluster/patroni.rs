@@ -10,9 +10,10 @@ use std::time::{Duration, Instant};
 use fleetcal_contract::own_server::{
     as_server_user, own_by_server_user, program_folder, psql, try_psql, url_of,
 };
+use fleetcal_ports::free_address;
 use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_tests::http;
-use fleetcal_tests::service::{free_port, now, wait_for};
+use fleetcal_tests::service::{now, wait_for};
 use tempfile::TempDir;
 
 use crate::process::Process;
@@ -64,15 +65,15 @@ impl Patroni {
         let node = |name: &'static str| Node {
             name,
             folder: folder.path().join(name),
-            postgres: free_port(),
-            rest: free_port(),
+            postgres: free_address(),
+            rest: free_address(),
             patroni: None,
         };
         let mut patroni = Self {
             nodes: NAMES.map(node).into(),
             program: program.to_owned(),
-            etcd_client: free_port(),
-            etcd_peer: free_port(),
+            etcd_client: free_address(),
+            etcd_peer: free_address(),
             etcd: None,
             folder,
         };

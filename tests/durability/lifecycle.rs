@@ -6,7 +6,8 @@ use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use fleetcal_tests::service::{Service, free_port, now, wait_for};
+use fleetcal_ports::free_address;
+use fleetcal_tests::service::{Service, now, wait_for};
 use fleetcal_tests::{binary, recording};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
@@ -89,8 +90,8 @@ fn a_service_killed_in_its_migrations_starts_again() {
         let data = folder.path().join("data");
         for _ in 0..2 {
             let mut child = Command::new(binary::path())
-                .args(["serve", "--http", &free_port().to_string()])
-                .args(["--listen", &format!("tcp/{}", free_port()), "--data"])
+                .args(["serve", "--http", &free_address().to_string()])
+                .args(["--listen", &format!("tcp/{}", free_address()), "--data"])
                 .arg(&data)
                 .env_remove("ZENOH_CONFIG")
                 .stdout(Stdio::null())

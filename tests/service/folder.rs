@@ -5,15 +5,16 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use fleetcal_ports::free_address;
 use fleetcal_tests::binary;
-use fleetcal_tests::service::{Service, free_port};
+use fleetcal_tests::service::Service;
 
 /// Starts a service that is refused; returns its message.
 fn refused(data: &Path) -> String {
     let output = Command::new(binary::path())
         .args(["serve", "--http", "127.0.0.1:0", "--data"])
         .arg(data)
-        .args(["--listen", &format!("tcp/{}", free_port())])
+        .args(["--listen", &format!("tcp/{}", free_address())])
         .stdin(Stdio::null())
         .output()
         .unwrap();

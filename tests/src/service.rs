@@ -1,11 +1,12 @@
 //! A running service: the built binary on free loopback ports and a folder of its own.
 
 use std::fs::{self, OpenOptions};
-use std::net::{SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use fleetcal_ports::free_address;
 use fleetcal_store::database_url::PostgresUrl;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -41,15 +42,6 @@ pub struct Instance<'a> {
     pub http: SocketAddr,
     /// Shared database.
     pub database: &'a PostgresUrl,
-}
-
-/// Returns a free loopback address.
-///
-/// # Panics
-/// When there is none.
-pub fn free_port() -> SocketAddr {
-    let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
-    listener.local_addr().expect("its address")
 }
 
 /// Returns the present time, for tests that wait for another process.
@@ -96,7 +88,7 @@ impl Service {
     /// # Panics
     /// When it does not become ready.
     pub fn start_with(config: &str) -> Self {
-        let zenoh = free_port();
+        let zenoh = free_address();
         Self::start_on(zenoh, config, &["--listen", &format!("tcp/{zenoh}")])
     }
 
@@ -108,7 +100,7 @@ impl Service {
     pub fn start_on(zenoh: SocketAddr, config: &str, zenoh_flags: &[&str]) -> Self {
         let folder = TempDir::new().expect("a folder");
         let data = folder.path().join("data");
-        let place = (folder, data, free_port());
+        let place = (folder, data, free_address());
         Self::start_in(place, zenoh, config, zenoh_flags, Vec::new())
     }
 
@@ -150,11 +142,11 @@ impl Service {
     }
 
     fn start_alone(folder: TempDir, data: PathBuf, variables: &[(&str, &str)]) -> Self {
-        let zenoh = free_port();
+        let zenoh = free_address();
         let flags = ["--listen", &format!("tcp/{zenoh}")];
         let own = |&(name, value): &(&str, &str)| (name.to_owned(), value.to_owned());
         let variables = variables.iter().map(own).collect();
-        let place = (folder, data, free_port());
+        let place = (folder, data, free_address());
         Self::start_in(place, zenoh, "", &flags, variables)
     }
 
@@ -206,8 +198,14 @@ impl Service {
         self.wait_until_ready();
     }
 
-    fn wait_until_ready(&self) {
+    fn wait_until_ready(&mut self) {
         wait_for("readiness", || {
+            let end = self.child.try_wait().expect("a status");
+            assert!(
+                end.is_none(),
+                "the service ended: {end:?}\n{}",
+                self.logged()
+            );
             http::get(self.http, "/readyz", None).filter(|answer| answer.status == 200)
         });
     }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-use fleetcal_tests::service::{Service, free_port, now, wait_for};
+use fleetcal_ports::free_address;
+use fleetcal_tests::service::{Service, now, wait_for};
 use serde_json::json;
 use tempfile::TempDir;
 
@@ -24,7 +25,7 @@ const CUT: Duration = Duration::from_millis(300);
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn after_cuts_and_restarts_ingest_is_back_and_no_sample_counts_twice() {
     let folder = TempDir::new().unwrap();
-    let address = free_port();
+    let address = free_address();
     let config = folder.path().join("router.json5");
     let router_config = json!({
         "mode": "router",
@@ -33,7 +34,7 @@ async fn after_cuts_and_restarts_ingest_is_back_and_no_sample_counts_twice() {
     });
     std::fs::write(&config, router_config.to_string()).unwrap();
     let mut router = Router::start(&config).await;
-    let (zenoh, to_router) = (free_port(), format!("tcp/{address}"));
+    let (zenoh, to_router) = (free_address(), format!("tcp/{address}"));
     let known = "[[robot]]\nid = \"tugger_01\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n";
     let own = format!("tcp/{zenoh}");
     let service = Service::start_on(zenoh, known, &["-l", &own, "-e", &to_router]);

@@ -11,7 +11,8 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
 use fleetcal_contract::own_server::psql;
-use fleetcal_tests::service::{Service, free_port, now, wait_for};
+use fleetcal_ports::free_address;
+use fleetcal_tests::service::{Service, now, wait_for};
 use fleetcal_tests::{database, recording};
 use serde_json::{Value, json};
 use sqlx::sqlite::SqliteConnectOptions;
@@ -82,7 +83,7 @@ pub fn started(list: List, folder: &Path) -> Service {
     if list == List::Default {
         return Service::start_with(&config);
     }
-    let zenoh = free_port();
+    let zenoh = free_address();
     let names = names();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let file = passwords(folder, &names);
@@ -410,12 +411,12 @@ fn beyond_loopback_nobody_connects_without_authentication_unless_a_flag_says_so(
     let folder = TempDir::new().unwrap();
     let log = folder.path().join("log");
     let run = |more: &[&str]| {
-        let zenoh = format!("tcp/0.0.0.0:{}", free_port().port());
+        let zenoh = format!("tcp/0.0.0.0:{}", free_address().port());
         Command::new(fleetcal_tests::binary::path())
             .args([
                 "serve",
                 "--http",
-                &free_port().to_string(),
+                &free_address().to_string(),
                 "--listen",
                 &zenoh,
                 "--data",
@@ -439,7 +440,10 @@ fn beyond_loopback_nobody_connects_without_authentication_unless_a_flag_says_so(
     );
     assert!(!folder.path().join("data").exists(), "nothing was begun");
     let mut allowed = run(&["--allow-anonymous"]);
-    wait_for("readiness", || said().contains("is ready").then_some(()));
+    wait_for("readiness", || {
+        assert_eq!(allowed.try_wait().unwrap(), None, "{}", said());
+        said().contains("is ready").then_some(())
+    });
     allowed.kill().unwrap();
     allowed.wait().unwrap();
 }

@@ -9,9 +9,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
+use fleetcal_ports::free_address;
 use fleetcal_tests::binary;
 use fleetcal_tests::certificates::Authority;
-use fleetcal_tests::service::{Service, free_port, now, wait_for};
+use fleetcal_tests::service::{Service, now, wait_for};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use zenoh::Session;
@@ -157,7 +158,7 @@ fn start_with_passwords(folder: &Path, zenoh: SocketAddr) -> Service {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn with_passwords_a_robot_is_refused_under_anothers_key_and_one_more_joins_by_a_restart() {
     let folder = TempDir::new().unwrap();
-    let zenoh = free_port();
+    let zenoh = free_address();
     let mut service = start_with_passwords(folder.path(), zenoh);
     let client = |name: &str, password: &str| {
         robot::open(robot::with_password(
@@ -228,7 +229,7 @@ pub fn start_with_certificates(
 async fn assert_certificates_are_asked_for(protocol: &str) {
     let folder = TempDir::new().unwrap();
     let authority = Authority::new(folder.path());
-    let zenoh = free_port();
+    let zenoh = free_address();
     let service = start_with_certificates(&authority, folder.path(), zenoh, protocol);
     let client = |name: Option<&str>| {
         let transport = session::tls(authority.folder(), name);
@@ -257,7 +258,7 @@ async fn over_quic_a_robot_is_refused_under_anothers_key() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_generated_list_lets_ten_queries_a_second_through() {
     let folder = TempDir::new().unwrap();
-    let zenoh = free_port();
+    let zenoh = free_address();
     let _service = start_with_passwords(folder.path(), zenoh);
     let config = robot::with_password(&format!("tcp/{zenoh}"), "robot_a", &password("robot_a"));
     let session = robot::open(config).await.unwrap();
@@ -287,7 +288,7 @@ async fn a_generated_list_lets_ten_queries_a_second_through() {
 async fn a_list_with_passwords_needs_no_file_before() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("passwords.txt");
-    let (zenoh, file) = (free_port(), path.display().to_string());
+    let (zenoh, file) = (free_address(), path.display().to_string());
     let listen = format!("tcp/{zenoh}");
     let identity = ["--identity", "user", "--passwords", &file];
     let flags = [&["--robot", "robot_a"], &identity[..], &["-l", &listen]].concat();
@@ -306,7 +307,7 @@ async fn a_list_with_passwords_needs_no_file_before() {
 
     fs::remove_file(&path).unwrap();
     let data = folder.path().join("data").display().to_string();
-    let http = free_port().to_string();
+    let http = free_address().to_string();
     let refused = binary::run(["serve", "-c", &router, "--data", &data, "--http", &http]);
     let said = String::from_utf8_lossy(&refused.stderr);
     assert_eq!(refused.status.code(), Some(2), "{said}");

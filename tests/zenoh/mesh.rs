@@ -11,10 +11,11 @@ use std::time::{Duration, Instant};
 
 use fleetcal_contract::own_server::psql;
 use fleetcal_contract::server;
+use fleetcal_ports::free_address;
 use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_tests::certificates::Authority;
 use fleetcal_tests::memory::{self, Memory};
-use fleetcal_tests::service::{Instance, Service, free_port, now, wait_for};
+use fleetcal_tests::service::{Instance, Service, now, wait_for};
 use fleetcal_tests::{database, recording};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -78,7 +79,7 @@ impl Mesh {
         for name in robots.iter().chain(&ROUTERS).chain(&["fleetcal"]) {
             authority.sign(name);
         }
-        let addresses = ROUTERS.map(|_| free_port());
+        let addresses = ROUTERS.map(|_| free_address());
         let routers = [[0, 1], [1, 0]].map(|pair| {
             let pair = pair.map(|number| (ROUTERS[number], addresses[number]));
             let config = configured(&authority, folder.path(), &robots, pair);
@@ -86,7 +87,7 @@ impl Mesh {
         });
         let endpoints = addresses.map(|address| format!("quic/{address}"));
         let database = database::created_on(&server.unwrap());
-        let https = INSTANCES.map(|_| free_port());
+        let https = INSTANCES.map(|_| free_address());
         let config = configuration(folder.path(), https) + &sections();
         let instances = [0, 1].map(|number| {
             let zenoh = service_client(&authority, folder.path(), &endpoints, number);

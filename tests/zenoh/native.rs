@@ -3,7 +3,8 @@
 use std::fs;
 use std::process::Command;
 
-use fleetcal_tests::service::{Service, free_port};
+use fleetcal_ports::free_address;
+use fleetcal_tests::service::Service;
 use fleetcal_tests::{binary, recording};
 use tempfile::TempDir;
 
@@ -14,7 +15,7 @@ fn a_native_file_is_accepted_by_flag_and_by_environment() {
     let folder = TempDir::new().unwrap();
     let recorded = folder.path().join("robot.mcap");
     recording::simulated(&recorded, 5.0);
-    let zenoh = free_port();
+    let zenoh = free_address();
     let router = folder.path().join("router.json5");
     let text = format!(
         "// As zenohd has it: comments, names without quotes, a comma at the end.\n\

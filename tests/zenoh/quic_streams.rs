@@ -1,8 +1,8 @@
 //! Zenoh gives a QUIC connection a stream for each priority, and nothing orders them: data may overtake
 //! the declaration of its key, and the router drops what has no key. Ours has one stream.
 
+use fleetcal_ports::free_address;
 use fleetcal_tests::certificates::Authority;
-use fleetcal_tests::service::free_port;
 use tempfile::TempDir;
 use zenoh::qos::CongestionControl;
 
@@ -18,7 +18,7 @@ const SAMPLES: u64 = 5;
 async fn over_quic_what_follows_its_declaration_at_once_arrives() {
     let folder = TempDir::new().unwrap();
     let authority = Authority::new(folder.path());
-    let zenoh = free_port();
+    let zenoh = free_address();
     let service = start_with_certificates(&authority, folder.path(), zenoh, "quic");
     // Any client: it does not say how many streams it has.
     let client = robot::client(

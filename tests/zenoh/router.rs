@@ -6,7 +6,8 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use fleetcal_tests::service::{Service, free_port};
+use fleetcal_ports::free_address;
+use fleetcal_tests::service::Service;
 use serde_json::json;
 use tempfile::TempDir;
 use zenoh::{Config, Session, Wait};
@@ -99,7 +100,7 @@ impl Drop for Router {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn behind_a_router_with_the_generated_list_the_service_works_the_same() {
     let folder = TempDir::new().unwrap();
-    let router_address = free_port();
+    let router_address = free_address();
     let endpoint = format!("tcp/{router_address}");
     let passwords = passwords(folder.path(), &["robot_a", "robot_b", "fleetcal"]);
     let config = generated(

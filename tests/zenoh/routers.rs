@@ -6,8 +6,9 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::time::Duration;
 
+use fleetcal_ports::free_address;
 use fleetcal_tests::certificates::Authority;
-use fleetcal_tests::service::{Service, free_port};
+use fleetcal_tests::service::Service;
 use serde_json::json;
 use tempfile::TempDir;
 
@@ -59,7 +60,7 @@ async fn robots_at_one_router_reach_the_service_at_the_other_under_their_own_nam
     for name in ["router_1", "router_2", "fleetcal", "robot_a"] {
         authority.sign(name);
     }
-    let (first, second) = (("router_1", free_port()), ("router_2", free_port()));
+    let (first, second) = (("router_1", free_address()), ("router_2", free_address()));
     let config = |pair| configured(&authority, folder.path(), &["robot_a", "robot_b"], pair);
     let one = Router::start_process(Path::new(&config([first, second])));
     let two = Router::start_process(Path::new(&config([second, first])));

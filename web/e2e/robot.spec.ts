@@ -147,6 +147,12 @@ test('a chart is read with the keyboard alone', async ({ page }) => {
   expect(await said()).toBe(texts.at(-1));
   await page.keyboard.press('Escape');
   await expect(slider).toHaveAttribute('aria-valuetext', /^now: /);
+  // No other chart brings the cursor back when it moves on.
+  const left = Number(await slider.getAttribute('aria-valuemax'));
+  await expect
+    .poll(async () => Number(await slider.getAttribute('aria-valuemax')))
+    .toBeGreaterThan(left + 2);
+  expect(await said()).toMatch(/^now: /);
 });
 
 test('a chart gives its numbers as CSV', async ({ page }) => {

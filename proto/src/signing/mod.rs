@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
+use crate::audit_head::AuditHeadDocument;
 use crate::calibration::{CalibrationDocument, ConfirmationDocument, Confirmed, Envelope};
 use crate::certificate::CertificateDocument;
 use crate::offer::{OfferDocument, Offered};
@@ -194,6 +195,10 @@ impl Statement for ConfirmationDocument {
 
 impl Statement for CertificateDocument {
     const SCHEMA: &'static str = "fleetcal.certificate/1";
+}
+
+impl Statement for AuditHeadDocument {
+    const SCHEMA: &'static str = "fleetcal.audit_head/1";
 }
 
 /// Writes a calibration document once, and hashes and signs exactly the written bytes.

@@ -1,12 +1,12 @@
 //! Simulated robots against a real Zenoh router in this process.
 
 use std::collections::BTreeMap;
-use std::net::TcpListener;
 use std::num::NonZeroU32;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use fleetcal_model::{Generation, RevisionId, WallTime};
+use fleetcal_ports::free_address;
 use fleetcal_proto::calibration::{
     Applied as Acknowledgement, AppliedStatus, CalibrationDocument, CalibrationFrame,
     CalibrationSchema, CalibrationValues, ConfirmationDocument, Confirmed, Envelope,
@@ -27,12 +27,7 @@ const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Opens a router on a free port of the loopback.
 async fn router() -> (zenoh::Session, String) {
-    let port = TcpListener::bind("127.0.0.1:0")
-        .unwrap()
-        .local_addr()
-        .unwrap()
-        .port();
-    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let endpoint = format!("tcp/{}", free_address());
     let mut config = zenoh::Config::default();
     for (key, value) in [
         ("mode", "\"router\"".to_owned()),
@@ -411,12 +406,7 @@ async fn a_robot_stops_weaving_once_its_true_calibration_is_approved() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_robot_waits_for_its_router_shows_its_token_and_speaks_up_when_a_service_comes() {
-    let port = TcpListener::bind("127.0.0.1:0")
-        .unwrap()
-        .local_addr()
-        .unwrap()
-        .port();
-    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let endpoint = format!("tcp/{}", free_address());
     let stop = CancellationToken::new();
     let fleet = tokio::spawn(run_fleet(options(1, &endpoint), stop.clone()));
     tokio::time::sleep(Duration::from_millis(300)).await;

@@ -177,6 +177,7 @@ impl ApiState {
     components(schemas(
         Problem,
         live_event::LiveEvent,
+        fleetcal_proto::audit_head::AuditHeadDocument,
         fleetcal_proto::certificate::CertificateDocument,
         robots::SortSchema,
     )),

@@ -2,11 +2,12 @@
 
 use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
-use std::net::{IpAddr, TcpListener};
+use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
 use std::time::Duration;
 
+use fleetcal_ports::free_address;
 use fleetcal_postgres::PostgresSetup;
 use fleetcal_store::database_url::PostgresUrl;
 use tempfile::TempDir;
@@ -167,8 +168,7 @@ impl OwnServer {
     fn prepared() -> Self {
         let folder = tempfile::tempdir().unwrap();
         own_by_server_user(folder.path());
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let address = listener.local_addr().unwrap();
+        let address = free_address();
         Self {
             folder,
             port: address.port(),

@@ -325,6 +325,8 @@ pub const APPROVED_AT_ONCE_MAX: usize = 500;
 pub const APPROVED_WITHIN: Duration = Duration::from_secs(4);
 /// Rows of the audit in one file.
 pub const AUDIT_FILE_ROWS_MAX: u32 = 100_000;
+/// Longest row of a downloaded audit that is read, bytes.
+pub const AUDIT_ROW_BYTES_MAX: u64 = 1 << 20;
 /// Certificates in one file.
 pub const CERTIFICATE_FILE_ROWS_MAX: u32 = 100_000;
 /// Rows of a list or a file that are read at once; the next ones follow once the client has

@@ -195,6 +195,7 @@ mod tests {
     use fleetcal_contract::TestDatabase;
     use fleetcal_estimator::EstimatorSettings;
     use fleetcal_fleet::FleetSetup;
+    use fleetcal_ports::free_address;
     use serde_json::json;
     use zenoh::Session;
 
@@ -251,9 +252,7 @@ mod tests {
             membership: fleetcal_cluster::Membership::alone(),
             audited: fleetcal_model::AuditId(0),
         });
-        let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-        let port = free.local_addr().unwrap().port();
-        drop(free);
+        let port = free_address().port();
         let setup = LinkSetup {
             listen: vec![format!("tcp/127.0.0.1:{port}")],
             shares: SHARES,

@@ -190,6 +190,7 @@ mod tests {
             before: None,
             after,
             reason: None,
+            link: None,
         }
     }
 

@@ -7,45 +7,55 @@ use fleetcal_store::{AuditEntry, AuditRow, Records, StoreError};
 
 use super::connection::Connection;
 use super::dialect::Dialect;
-use super::query::{query, query_scalar};
+use super::query::query;
 use super::records;
+use super::row::column;
 use super::telemetry;
 use super::transaction::SqlRecords;
 
 /// Appends a row; the caller's transaction is the one of the change. Its number is the next one and
 /// not a sequence's, which skips the numbers of undone transactions: a gap would look like a
-/// removed row.
-async fn append(connection: &mut dyn Connection, entry: &AuditEntry) -> Result<i64, StoreError> {
-    let actor = &entry.actor;
-    let request = actor.request.as_ref();
-    query_scalar(
+/// removed row. Of two transactions that append at once, one is undone and runs again.
+async fn append(connection: &mut dyn Connection, entry: &AuditEntry) -> Result<(), StoreError> {
+    let last = query("SELECT id, link FROM audit ORDER BY id DESC LIMIT 1")
+        .fetch_optional(connection)
+        .await
+        .map_err(StoreError::database("read the end of the audit"))?;
+    let (last, previous): (i64, Option<String>) = match &last {
+        Some(row) => (column(row, "audit", 0)?, column(row, "audit", 1)?),
+        None => (0, None),
+    };
+    let row = entry.row(AuditId(last + 1));
+    query(
         "INSERT INTO audit (id, at_ns, actor, authentication, role, request, action, subject,
-             subject_id, robot, before, after, reason, address)
-         VALUES ((SELECT coalesce(max(id), 0) + 1 FROM audit),
-             $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13) RETURNING id",
+             subject_id, robot, before, after, reason, address, link)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15)",
     )
-    .bind(entry.at_ns.0)
-    .bind(&actor.name)
-    .bind(actor.authentication.as_str())
-    .bind(actor.role.map(fleetcal_domain::access::Role::as_str))
-    .bind(request.and_then(|request| request.id.as_deref()))
-    .bind(entry.action.as_str())
-    .bind(entry.action.subject())
-    .bind(&entry.subject_id)
-    .bind(entry.robot.as_ref().map(fleetcal_proto::RobotId::as_str))
-    .bind(entry.before.as_ref().map(ToString::to_string))
-    .bind(entry.after.as_ref().map(ToString::to_string))
-    .bind(&entry.reason)
-    .bind(request.and_then(|request| request.address.as_deref()))
-    .fetch_one(connection)
+    .bind(row.id.0)
+    .bind(row.at_ns.0)
+    .bind(&row.actor)
+    .bind(&row.authentication)
+    .bind(row.role.as_deref())
+    .bind(row.request.as_deref())
+    .bind(&row.action)
+    .bind(&row.subject)
+    .bind(&row.subject_id)
+    .bind(row.robot.as_deref())
+    .bind(row.before.as_ref().map(ToString::to_string))
+    .bind(row.after.as_ref().map(ToString::to_string))
+    .bind(&row.reason)
+    .bind(row.address.as_deref())
+    .bind(row.link_after(previous.as_deref()))
+    .execute(connection)
     .await
+    .map(drop)
     .map_err(StoreError::database("write the audit"))
 }
 
 #[async_trait]
 impl Records for SqlRecords<'_> {
     async fn append_audit(&mut self, entry: &AuditEntry) -> Result<(), StoreError> {
-        append(self.connection, entry).await.map(drop)
+        append(self.connection, entry).await
     }
 
     async fn notes_after(

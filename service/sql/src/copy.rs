@@ -104,7 +104,7 @@ pub static TABLES: LazyLock<Vec<Table>> =
             "audit",
             1,
             "id:n at_ns:n actor:t authentication:t role:t request:t action:t subject:t \
-             subject_id:t robot:t before:t after:t reason:t address:t",
+             subject_id:t robot:t before:t after:t reason:t address:t link:t",
         ),
         numbered(
             "\"user\"",

@@ -238,7 +238,7 @@ fn site_of(row: &Row) -> Result<DeploymentFreeze, StoreError> {
 
 /// Reads rows of the audit for [`audit_row`].
 const AUDIT: &str = "SELECT id, at_ns, actor, authentication, role, request, action, subject,
-    subject_id, robot, before, after, reason, address FROM audit";
+    subject_id, robot, before, after, reason, address, link FROM audit";
 
 /// Returns the rows of the audit after a number, oldest first.
 pub(super) async fn audit_rows_after(
@@ -333,6 +333,7 @@ fn audit_row(row: &Row) -> Result<AuditRow, StoreError> {
         after: document(11)?,
         reason: column(row, table, 12)?,
         address: column(row, table, 13)?,
+        link: column(row, table, 14)?,
     })
 }
 

@@ -1,6 +1,7 @@
 //! The commands of `fleetcal`: what each takes, and what it does.
 
 pub mod acl;
+pub mod audit;
 pub mod backup;
 pub mod check_config;
 pub mod completions;
@@ -70,6 +71,8 @@ pub enum Command {
     Token(token::Arguments),
     /// Creates, lists and changes users, also while the service runs
     User(user::Arguments),
+    /// Shows whether rows of the audit were changed or removed
+    Audit(audit::Arguments),
     /// Copies the database into a file, also while the service runs
     Backup(backup::Arguments),
     /// Puts a backup into an empty data folder, and the signing key with it
@@ -117,6 +120,9 @@ pub enum CommandError {
     /// The command names no PostgreSQL.
     #[error("no database is named: give --database URL")]
     NoPostgres,
+    /// The audit is not as it was written, or cannot be checked.
+    #[error(transparent)]
+    Audit(#[from] audit::AuditFault),
     /// A user or token was not changed.
     #[error(transparent)]
     Account(#[from] AccountRefused),
@@ -231,6 +237,7 @@ impl CommandError {
             | Self::StreamOfAll(_)
             | Self::Passwords { .. }
             | Self::Identity { .. } => EXIT_USAGE,
+            Self::Audit(fault) => fault.exit_status(),
             Self::Service(_) | Self::Store(_) | Self::Database(_) => EXIT_IO,
             Self::Hash(_) | Self::Entropy(_) => EXIT_FAILED,
         }

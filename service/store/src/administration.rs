@@ -3,8 +3,10 @@
 use std::fmt;
 
 use fleetcal_domain::limits;
+use fleetcal_model::AuditId;
 
 use crate::accounts::{TokenRecord, UserRecord};
+use crate::audit::AuditRow;
 use crate::backend::{Reader, RecordWriter};
 use crate::error::StoreError;
 use crate::transaction::{Job, Waiting};
@@ -65,6 +67,18 @@ impl Administration {
     /// The database's failure.
     pub async fn tokens(&self) -> Result<Vec<TokenRecord>, StoreError> {
         self.reader.tokens(0, limits::TOKENS_MAX).await
+    }
+
+    /// Rows of the audit after number `after`, oldest first, at most `limit`.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn audit_after(
+        &self,
+        after: AuditId,
+        limit: u32,
+    ) -> Result<Vec<AuditRow>, StoreError> {
+        self.reader.audit_after(after, limit).await
     }
 
     /// Closes the database.

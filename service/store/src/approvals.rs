@@ -1,7 +1,7 @@
 //! Records of the life cycle in the store.
 
 use fleetcal_domain::approval::ProposalState;
-use fleetcal_model::{AuditId, Version, WallTime};
+use fleetcal_model::{Version, WallTime};
 use fleetcal_proto::RobotId;
 use serde::Serialize;
 
@@ -51,40 +51,4 @@ pub struct AuditFilter {
     pub before: Option<i64>,
     /// Largest number of rows.
     pub limit: u32,
-}
-
-/// Row of the audit.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub struct AuditRow {
-    /// Number of the row.
-    pub id: AuditId,
-    /// Time of the action, ns since 1970, wall time.
-    pub at_ns: WallTime,
-    /// Name of the actor.
-    pub actor: String,
-    /// Proof of the actor's identity.
-    pub authentication: String,
-    /// Role of the actor.
-    pub role: Option<String>,
-    /// Id of the HTTP request.
-    pub request: Option<String>,
-    /// Client address of the HTTP request.
-    pub address: Option<String>,
-    /// Action on the record.
-    pub action: String,
-    /// Kind of the record.
-    pub subject: String,
-    /// Number or name of the record.
-    pub subject_id: String,
-    /// Robot of the record.
-    pub robot: Option<String>,
-    /// Record before the action.
-    #[cfg_attr(feature = "openapi", schema(value_type = Option<Object>))]
-    pub before: Option<serde_json::Value>,
-    /// Record after the action.
-    #[cfg_attr(feature = "openapi", schema(value_type = Option<Object>))]
-    pub after: Option<serde_json::Value>,
-    /// Reason for the action.
-    pub reason: Option<String>,
 }

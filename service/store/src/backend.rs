@@ -19,7 +19,8 @@ use fleetcal_proto::calibration::Envelope;
 
 use super::accounts::{SessionRecord, TokenRecord, UserRecord};
 use super::alerts::{AlertFilter, AlertMoment};
-use super::approvals::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter};
+use super::approvals::{AuditFilter, DeploymentFreeze, ProposalFilter};
+use super::audit::AuditRow;
 use super::certificates::{CertificateFilter, CertificateRecord};
 use super::cluster::ClusterRegistry;
 use super::error::StoreError;

@@ -32,7 +32,7 @@ export class History {
   /** Time under the cursor of all charts, s since 1970. */
   cursor_s = $state<number | null>(null);
   /** True if a key has put it there: it then stays at its time while the charts move on. */
-  #isPinned = false;
+  #isPinned = $state(false);
   #series = new Map<ParameterName, Series>();
   #window: Window;
   #reading: AbortController | undefined;

@@ -1,12 +1,12 @@
 //! A service's half of the calibration keys: seals real documents, answers questions, and says what
 //! it has stored.
 
-use std::net::TcpListener;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use fleetcal_model::Generation;
+use fleetcal_ports::free_address;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, Confirmed, Envelope};
 use fleetcal_proto::key::ServiceInstance;
 use fleetcal_proto::{Keys, StreamKind};
@@ -47,8 +47,7 @@ pub struct Service {
 }
 
 pub fn free_endpoint() -> String {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    format!("tcp/{}", listener.local_addr().unwrap())
+    format!("tcp/{}", free_address())
 }
 
 pub async fn until(what: &str, mut done: impl FnMut() -> bool) {

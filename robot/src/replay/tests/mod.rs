@@ -5,6 +5,7 @@ mod service;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
+use fleetcal_ports::free_address;
 use fleetcal_proto::ros::{AckermannDriveStamped, Header, LaserScan, Time};
 use service::Service;
 use tempfile::TempDir;
@@ -252,7 +253,7 @@ async fn nobody_there_and_nobody_listening_are_said() {
         "{sentence}"
     );
 
-    options.connect = vec![format!("tcp/127.0.0.1:{}", service::free_port())].into();
+    options.connect = vec![format!("tcp/{}", free_address())].into();
     let error = replay(options.clone(), |_| ()).await.unwrap_err();
     assert!(
         error

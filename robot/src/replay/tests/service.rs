@@ -2,12 +2,12 @@
 //! queryable, and a mailbox of its size that is worked through at a given pace.
 
 use std::collections::{BTreeSet, VecDeque};
-use std::net::TcpListener;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
 use fleetcal_model::RobotTime;
+use fleetcal_ports::free_address;
 use fleetcal_proto::progress::Progress;
 use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, Odometry, RosMessage};
 use fleetcal_proto::{Encoding, Key, Keys, StreamKind};
@@ -119,7 +119,7 @@ impl Drop for Service {
 impl Service {
     /// Starts a router with a service that takes `pace` for each message.
     pub async fn start(pace: Duration) -> Self {
-        Self::start_at(format!("tcp/127.0.0.1:{}", free_port()), pace).await
+        Self::start_at(format!("tcp/{}", free_address()), pace).await
     }
 
     /// Starts it at another one's endpoint.
@@ -248,18 +248,9 @@ fn work(inbox: &Shared, forget: &AtomicBool, pace: Duration) {
     }
 }
 
-/// Returns a port that was free a moment ago.
-pub fn free_port() -> u16 {
-    TcpListener::bind("127.0.0.1:0")
-        .unwrap()
-        .local_addr()
-        .unwrap()
-        .port()
-}
-
 /// Opens a router without a service; returns it with its endpoint.
 pub async fn router() -> (zenoh::Session, String) {
-    let endpoint = format!("tcp/127.0.0.1:{}", free_port());
+    let endpoint = format!("tcp/{}", free_address());
     (router_at(&endpoint).await, endpoint)
 }
 

@@ -37,6 +37,7 @@ pub(crate) const TABLE: &[(&str, &str, Access)] = &[
     ("GET", "/api/v1/deployments/freeze", Viewer),
     ("PUT", "/api/v1/deployments/freeze", Approver),
     ("GET", "/api/v1/audit", Viewer),
+    ("GET", "/api/v1/audit/head", Viewer),
     ("GET", "/api/v1/certificates", Viewer),
     ("GET", "/api/v1/certificates/{id}", Viewer),
     ("GET", "/api/v1/cluster", Viewer),

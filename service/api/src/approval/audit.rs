@@ -1,11 +1,15 @@
-//! Route `GET /audit`: the record of all changes.
+//! Routes of the audit: the record of all changes, and its signed head.
 
+use axum::Json;
 use axum::extract::State;
+use axum::http::StatusCode;
 use axum::response::Response;
 use fleetcal_domain::limits;
 use fleetcal_http::csv::{self, CSV};
 use fleetcal_model::{AuditId, WallTime};
 use fleetcal_proto::RobotId;
+use fleetcal_proto::audit_head::{AuditHeadDocument, AuditHeadSchema};
+use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::{AuditFilter, AuditRow};
 use futures::FutureExt;
 use jiff::Timestamp;
@@ -15,7 +19,7 @@ use super::proposals::robot_named;
 use crate::ApiState;
 use crate::access::Caller;
 use crate::export::Export;
-use crate::extract::{Parameters, number_of, number_within, time as time_of};
+use crate::extract::{NoParameters, Parameters, number_of, number_within, time as time_of};
 use crate::listing::{self, Layout, Rows};
 use crate::page::page_limit;
 use crate::problem::Problem;
@@ -78,6 +82,10 @@ struct AuditDocument {
     /// Record after the action.
     #[schema(value_type = Option<Object>)]
     after: Option<serde_json::Value>,
+    /// Link of the row: lower-case hexadecimal SHA-256 over the link of the row before, a line feed,
+    /// and the row; `fleetcal audit` checks it. Absent for rows of versions without links.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    link: Option<String>,
 }
 
 impl AuditDocument {
@@ -97,6 +105,7 @@ impl AuditDocument {
             reason: row.reason,
             before: row.before,
             after: row.after,
+            link: row.link,
         }
     }
 }
@@ -115,7 +124,7 @@ type AuditLayout = Layout<AuditDocument>;
 
 const CSV_LAYOUT: AuditLayout = Layout::Csv {
     head: "id,time,actor,authentication,role,request,action,subject,subject_id,robot,reason,\
-           before,after,address\r\n",
+           before,after,address,link\r\n",
     line: csv_line,
 };
 
@@ -162,6 +171,51 @@ pub(super) async fn list_audit(
     let export = Export::begin(&api, caller)?;
     let pieces = listing::text(rows, layout).await?;
     Ok(csv::file(kind, name, export.body(pieces)))
+}
+
+/// Returns the last row of the audit, signed. Kept elsewhere, it shows later whether a row up to it
+/// was changed or removed: `fleetcal audit verify --head`.
+#[utoipa::path(
+    get,
+    path = "/audit/head",
+    tag = "approval",
+    responses(
+        (status = OK,
+            description = "The head; the content of `document` is an `AuditHeadDocument`",
+            body = Envelope),
+        (status = NOT_FOUND, description = "No row has a link yet"),
+    )
+)]
+pub(super) async fn get_audit_head(
+    State(api): State<ApiState>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<Json<Envelope>, Problem> {
+    let newest = AuditFilter {
+        limit: 1,
+        ..AuditFilter::default()
+    };
+    let last = api.store.audit(&newest).await?.pop();
+    let (row, link) = last
+        .and_then(|row| Some((row.id, row.link?)))
+        .ok_or_else(|| {
+            let detail = "no row of the audit has a link yet: nothing was changed since the service \
+                          writes them";
+            Problem::new(StatusCode::NOT_FOUND, "audit_head_unknown", detail.to_owned())
+        })?;
+    let head = AuditHeadDocument {
+        schema: AuditHeadSchema::V1,
+        row,
+        link,
+        signed: time::of(api.clock.now()).to_string(),
+    };
+    let signed = api.lifecycle.sign(&head);
+    signed.map(Json).map_err(|refused| {
+        Problem::new(
+            StatusCode::INTERNAL_SERVER_ERROR,
+            "audit_head_unsigned",
+            refused.to_string(),
+        )
+    })
 }
 
 /// Requested rows.
@@ -223,5 +277,6 @@ fn csv_line(item: &AuditDocument) -> String {
         &before,
         &after,
         &or_empty(&item.address),
+        &or_empty(&item.link),
     ])
 }

@@ -35,4 +35,5 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(policy::get_policy, policy::put_policy))
         .routes(routes!(freeze::get_freeze, freeze::put_freeze))
         .routes(routes!(audit::list_audit))
+        .routes(routes!(audit::get_audit_head))
 }

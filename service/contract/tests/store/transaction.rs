@@ -101,7 +101,7 @@ async fn a_job_may_be_run_again_and_counts_once() {
 
 /// Checks the numbers with every job run twice, and undone the first time.
 #[tokio::test]
-async fn numbers_of_the_audit_have_no_gaps() {
+async fn numbers_of_the_audit_have_no_gaps_and_its_rows_are_linked() {
     #[derive(Debug)]
     struct Append;
     #[async_trait]
@@ -133,6 +133,10 @@ async fn numbers_of_the_audit_have_no_gaps() {
     let rows = store.audit(&all).await.unwrap();
     let numbers: Vec<i64> = rows.iter().map(|row| row.id.0).collect();
     assert_eq!(numbers, [3, 2, 1]);
+    assert!(rows.iter().all(|row| row.link.is_some()));
+    for (place, row) in rows.iter().enumerate() {
+        row.check_after(rows.get(place + 1)).unwrap();
+    }
 }
 
 #[tokio::test]

@@ -20,6 +20,7 @@ use fleetcal_estimator::EstimatorSettings;
 use fleetcal_fleet::{Digest, FleetHandle, FleetSetup, Keep};
 use fleetcal_model::VehicleModel;
 use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
+use fleetcal_ports::free_address;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{EstimateDocument, EstimatedBy};
 use fleetcal_proto::key::{Keys, StreamKind};
@@ -44,8 +45,7 @@ fn id(name: &str) -> RobotId {
 }
 
 fn free_endpoint() -> String {
-    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    format!("tcp/{}", listener.local_addr().unwrap())
+    format!("tcp/{}", free_address())
 }
 
 async fn until(what: &str, mut done: impl AsyncFnMut() -> bool) {

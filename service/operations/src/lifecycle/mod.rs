@@ -36,7 +36,8 @@ use fleetcal_domain::approval::{
 use fleetcal_domain::robot::{RobotState, WarningKind};
 use fleetcal_fleet::budget::LossLog;
 use fleetcal_proto::RobotId;
-use fleetcal_proto::signing::{PublicKey, SigningKey};
+use fleetcal_proto::calibration::Envelope;
+use fleetcal_proto::signing::{PublicKey, SealRefused, SigningKey, Statement, sign};
 use fleetcal_store::{DeploymentFreeze, IdempotencyKey, Store, StoreError};
 use tokio::sync::{Mutex, Notify};
 use tokio_util::sync::CancellationToken;
@@ -155,6 +156,14 @@ impl Lifecycle {
     /// Public half of the key that signs documents.
     pub fn public_key(&self) -> PublicKey {
         self.inner.key.public_key()
+    }
+
+    /// Signs a statement with the key that signs documents.
+    ///
+    /// # Errors
+    /// Those of [`sign`].
+    pub fn sign<T: Statement>(&self, statement: &T) -> Result<Envelope, SealRefused> {
+        sign(statement, &self.inner.key)
     }
 
     /// Records of a robot; empty ones for a robot without any.

@@ -165,6 +165,7 @@ async fn forget_migrations(raw: &mut sqlx::SqliteConnection, from: i64) {
         "DROP TABLE setup_code",
         "DROP TABLE certificate",
         "ALTER TABLE robot DROP COLUMN drawn_by",
+        "ALTER TABLE audit DROP COLUMN link",
     ] {
         sqlx::query(added).execute(&mut *raw).await.unwrap();
     }

@@ -9,7 +9,8 @@ use fleetcal_model::{Generation, ProposalId, RobotId};
 use fleetcal_proto::calibration::Envelope;
 
 use crate::Store;
-use crate::approvals::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter};
+use crate::approvals::{AuditFilter, DeploymentFreeze, ProposalFilter};
+use crate::audit::AuditRow;
 use crate::error::StoreError;
 
 impl Store {

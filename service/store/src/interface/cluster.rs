@@ -8,7 +8,7 @@ use fleetcal_model::AuditId;
 use fleetcal_proto::RobotId;
 
 use crate::Store;
-use crate::approvals::AuditRow;
+use crate::audit::AuditRow;
 use crate::cluster::{Claims, ClusterRegistry};
 use crate::error::StoreError;
 use crate::record::CheckpointRecord;

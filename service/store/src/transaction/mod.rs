@@ -25,8 +25,8 @@ pub use robots::RobotRecords;
 pub(crate) use task::{Asked, JobsTask};
 pub use webhooks::WebhookRecords;
 
-use crate::approvals::AuditRow;
 use crate::audit::AuditEntry;
+use crate::audit::AuditRow;
 use crate::error::StoreError;
 
 /// Records of one transaction. A record that was read stays the same until the transaction ends, as
