@@ -83,6 +83,13 @@ describe('the guide', () => {
     expect(stageFace(guide(known, reported)).word).toBe('Not known yet');
   });
 
+  it('says that there is no verdict where the estimator went on without one', () => {
+    const found = guide(robot(false), [event('reassembled', 5)]);
+    expect(found.stage).toBe('ask');
+    expect(stageFace(found).word).toBe('No verdict');
+    expect(stageFace(guide(robot(false))).word).toBe('Nothing reported');
+  });
+
   it('ends with the verdict of the service', () => {
     const ends: [EventKind, string][] = [
       ['calibration_confirmed', 'same'],

@@ -9,7 +9,7 @@ import { deviationOf } from '../fleet/deviation';
 import { needs } from '../fleet/list';
 import { STANDINGS } from '../fleet/standing';
 import { telling } from '../robot/manoeuvres';
-import type { Reassembly } from '../robot/reassembly';
+import { type Reassembly, VERDICTS } from '../robot/reassembly';
 import type { Face } from '../ui/face';
 import { CALIBRATED } from '../units/parameters';
 
@@ -188,7 +188,8 @@ export const STAGES: Record<Exclude<Stage, 'blocked'>, Face> = {
 };
 
 /** Returns the face of a stage. */
-export function stageFace({ stage, obstacle }: Guide): Face {
+export function stageFace({ stage, obstacle, reassembly }: Guide): Face {
+  if (stage === 'ask' && reassembly?.verdict === 'none') return VERDICTS.none;
   if (stage !== 'blocked') return STAGES[stage];
   const tone = obstacle ? STANDINGS[obstacle.standing].tone : 'bad';
   const because = obstacle?.because ?? '';

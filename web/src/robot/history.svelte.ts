@@ -29,6 +29,8 @@ export class History {
   problem = $state('');
   /** Events, the newest first: the service's rows, and those received from the stream since. */
   events = $state.raw<RobotEvent[]>([]);
+  /** True once the rows of the events have been read. */
+  hasEvents = $state(false);
   /** Time under the cursor of all charts, s since 1970. */
   cursor_s = $state<number | null>(null);
   /** True if a key has put it there: it then stays at its time while the charts move on. */
@@ -113,6 +115,7 @@ export class History {
       const path = `${robotUrl(this.id)}/events?limit=${EVENTS_MAX}`;
       const { items } = (await get<EventPage>(path)).body;
       this.events = joined(items, this.#heard);
+      this.hasEvents = true;
     } catch {
       // The list stays as it is; the bar over the page says that the service is away.
     }
