@@ -27,7 +27,7 @@ export function noteOf(work: Work | null, words: string): string | null {
   return more === '' ? work : `${work}: ${more}`;
 }
 
-/** Time for which a verdict is the answer to whoever opens the page; an older one is history. */
+/** Time for which a verdict is the answer to a person who opens the page; an older one is history. */
 const ANSWERS_FOR_MS = 3_600_000;
 
 /**
@@ -38,13 +38,13 @@ const ANSWERS_FOR_MS = 3_600_000;
  */
 export type Stage = 'ask' | 'drive' | 'blocked' | 'same' | 'changed' | 'learned';
 
-/** What has to be done about what stands in the way. */
+/** Tasks of a person, by the state that stands in the way of calibration. */
 const OBSTACLES: Partial<Record<Standing, string>> = {
   rollback_failed: 'Do not drive it. Stop the robot and check it.',
   two_senders: 'Find the second sender of this id and stop it.',
   former_key: 'Have the robot send its wheel odometry on the present key.',
-  estimator_failed: 'Report it to whoever operates the service.',
-  no_instance: 'Report it to whoever operates the service.',
+  estimator_failed: 'Report it to the operator of the service.',
+  no_instance: 'Report it to the operator of the service.',
   no_data: 'Check that the robot is on and connected.',
   fault: 'Check the sensor. Learning goes on by itself once the fault has gone.',
   unregistered: 'Set up the vehicle on the robot’s page.',
@@ -217,7 +217,7 @@ export function mayDrive({ stage, obstacle }: Guide, usesKnown: boolean): string
   }
 }
 
-/** Returns whether whoever drives is done, in a few words. */
+/** Returns whether the driver is done, in a few words. */
 export function isDone(
   guide: Guide,
   robot: Robot,
