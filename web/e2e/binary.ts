@@ -197,10 +197,10 @@ export class Service {
     return { cookies: [cookie], origins: [] };
   }
 
-  /** Starts simulated robots that drive and send to the service. */
-  simulate(robots = 1): void {
-    const flags = ['simulate', '--robots', String(robots), '--connect', this.zenoh];
-    this.#robots = spawn(binary(), flags, { stdio: 'ignore' });
+  /** Starts simulated robots that drive and send to the service: with their LiDARs turned by so much. */
+  simulate(robots = 1, turned_deg = 0): void {
+    const flags = ['simulate', '--robots', String(robots), '--turn-lidar', String(turned_deg)];
+    this.#robots = spawn(binary(), [...flags, '--connect', this.zenoh], { stdio: 'ignore' });
   }
 
   /**

@@ -6,6 +6,7 @@ export type Setting = (typeof SETTINGS)[number];
 export type Route =
   | { page: 'fleet' }
   | { page: 'robot'; id: string }
+  | { page: 'guide'; id: string }
   | { page: 'approvals' }
   | { page: 'proposal'; id: number }
   | { page: 'alerts' }
@@ -40,7 +41,8 @@ export function route(path: string): Route {
   const plain = Object.hasOwn(PLAIN, path) ? PLAIN[path] : undefined;
   if (plain) return plain;
   const missing: Route = { page: 'missing', path };
-  const [, folder, name] = /^\/([a-z]+)\/([^/]+)\/?$/.exec(path) ?? [];
+  const [, folder, name, part] = /^\/([a-z]+)\/([^/]+)(?:\/(guide))?\/?$/.exec(path) ?? [];
+  if (part !== undefined && folder !== 'robots') return missing;
   if (folder === 'approvals' && name && /^\d{1,15}$/.test(name)) {
     return { page: 'proposal', id: Number(name) };
   }
@@ -50,7 +52,7 @@ export function route(path: string): Route {
   }
   if (folder !== 'robots' || name === undefined) return missing;
   try {
-    return { page: 'robot', id: decodeURIComponent(name) };
+    return { page: part === undefined ? 'robot' : 'guide', id: decodeURIComponent(name) };
   } catch {
     return missing;
   }
@@ -64,6 +66,11 @@ export function proposalPath(id: number): string {
 /** Returns the address of a robot's page. */
 export function robotPath(id: string): string {
   return `/robots/${encodeURIComponent(id)}`;
+}
+
+/** Returns the address of a robot's guided calibration. */
+export function guidePath(id: string): string {
+  return `${robotPath(id)}/guide`;
 }
 
 /** Returns the address with some query parameters changed; `null` removes one. */

@@ -1,10 +1,12 @@
 import { describe, expect, it } from 'vitest';
-import { robotPath, route, withQuery } from './routes.svelte';
+import { guidePath, robotPath, route, withQuery } from './routes.svelte';
 
 describe('routes', () => {
   it('find the page of an address', () => {
     expect(route('/')).toEqual({ page: 'fleet' });
     expect(route('/robots/tugger_01')).toEqual({ page: 'robot', id: 'tugger_01' });
+    expect(route('/robots/tugger_01/guide')).toEqual({ page: 'guide', id: 'tugger_01' });
+    expect(route('/approvals/12/guide')).toMatchObject({ page: 'missing' });
     expect(route('/setup')).toEqual({ page: 'setup' });
     expect(route('/account')).toEqual({ page: 'account' });
     expect(route('/certificates')).toEqual({ page: 'certificates' });
@@ -23,6 +25,7 @@ describe('routes', () => {
   it('take any name there and back', () => {
     for (const id of ['tugger_01', '<script>', 'a/b?c#d', '%41', 'Gabelstapler ä']) {
       expect(route(robotPath(id))).toEqual({ page: 'robot', id });
+      expect(route(guidePath(id))).toEqual({ page: 'guide', id });
     }
   });
 

@@ -1,5 +1,8 @@
 //! A library of manoeuvres that a driver, or a fleet's dispatcher, can order from a robot.
 
+use nalgebra::Vector3;
+
+use crate::Pose2;
 use crate::drive_history::DriveSegment;
 use crate::vehicle::{DriveReading, SpeedMeasuredAt, Vehicle};
 
@@ -11,6 +14,8 @@ const SLALOM_STEERING_RAD: f64 = 0.1;
 const SPEED_MPS: f64 = 0.8;
 /// Time between two readings, s.
 const STEP_S: f64 = 0.05;
+/// Largest distance between two poses of a path, m: chords of the turns are a centimetre off.
+const PATH_STEP_M: f64 = 0.5;
 
 /// A stretch of a manoeuvre: a steering angle held over a distance, at a speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,6 +42,31 @@ impl Manoeuvre {
     /// Distance driven, m.
     pub fn distance_m(&self) -> f64 {
         self.legs.iter().map(|leg| leg.distance_m).sum()
+    }
+
+    /// Time that a vehicle without errors takes for it, s.
+    pub fn duration_s(&self, vehicle: &Vehicle) -> f64 {
+        let readings = self.readings(vehicle);
+        readings.iter().map(|reading| reading.duration_s).sum()
+    }
+
+    /// Poses of the rear axle along it, in the frame of the first, of a vehicle without errors.
+    pub fn path(&self, vehicle: &Vehicle) -> Vec<Pose2> {
+        let mut begin = Pose2::IDENTITY;
+        let mut poses = vec![begin];
+        for leg in &self.legs {
+            let along_m = leg.distance_m.copysign(leg.from_mps);
+            let yaw_rad = along_m * leg.steering_rad.tan() / vehicle.wheelbase_m;
+            let whole = Vector3::new(along_m, 0.0, yaw_rad);
+            let steps = (leg.distance_m / PATH_STEP_M).ceil();
+            let mut step = 0.0;
+            while step < steps {
+                step += 1.0;
+                poses.push(begin.compose(&Pose2::exp(&(whole * (step / steps)))));
+            }
+            begin = begin.compose(&Pose2::exp(&whole));
+        }
+        poses
     }
 
     /// The drive readings of a vehicle without errors that drives it.
@@ -190,5 +220,66 @@ fn pace(from_mps: f64, to_mps: f64) -> Leg {
         distance_m: 2.0,
         from_mps,
         to_mps,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::VehicleModel;
+
+    #[test]
+    fn a_path_is_as_long_as_its_manoeuvre_and_fits_on_its_floor() {
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        for manoeuvre in library(&vehicle) {
+            let path = manoeuvre.path(&vehicle);
+            let length_m: f64 = path
+                .windows(2)
+                .map(|pair| pair[0].point().distance_m(pair[1].point()))
+                .sum();
+            let distance_m = manoeuvre.distance_m();
+            assert!(
+                (length_m / distance_m - 1.0).abs() < 0.01,
+                "{}: {length_m} of {distance_m}",
+                manoeuvre.name
+            );
+            let side_m = |of: fn(&Pose2) -> f64| {
+                let (low, high) = path.iter().map(of).fold((0.0, 0.0), |(low, high), m| {
+                    (f64::min(low, m), f64::max(high, m))
+                });
+                high - low
+            };
+            let mut sides_m = [side_m(|pose| pose.x_m), side_m(|pose| pose.y_m)];
+            sides_m.sort_by(f64::total_cmp);
+            let mut space_m = manoeuvre.space_m;
+            space_m.sort_by(f64::total_cmp);
+            let fits = (0..2).all(|i| sides_m[i] <= space_m[i] + 0.01);
+            assert!(fits, "{}: {sides_m:?} on {space_m:?}", manoeuvre.name);
+        }
+    }
+
+    #[test]
+    fn a_left_turn_ends_to_the_left_and_backing_ends_where_it_began() {
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let end = |name: &str| {
+            let manoeuvre = library(&vehicle).into_iter().find(|one| one.name == name);
+            let path = manoeuvre.unwrap().path(&vehicle);
+            *path.last().unwrap()
+        };
+        let left = end("left_turn");
+        assert!((left.yaw_rad.to_degrees() - 90.0).abs() < 0.1, "{left:?}");
+        assert!(left.y_m > 5.0, "{left:?}");
+        assert!((end("right_turn").yaw_rad.to_degrees() + 90.0).abs() < 0.1);
+        let reverse = end("reverse");
+        assert!(reverse.x_m.abs() < 1e-9, "{reverse:?}");
+    }
+
+    #[test]
+    fn a_manoeuvre_takes_as_long_as_its_speeds_say() {
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let manoeuvres = library(&vehicle);
+        let straight = manoeuvres.iter().find(|one| one.name == "straight");
+        let duration_s = straight.unwrap().duration_s(&vehicle);
+        assert!((duration_s - 10.0 / SPEED_MPS).abs() < 0.1, "{duration_s}");
     }
 }

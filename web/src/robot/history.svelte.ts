@@ -2,7 +2,7 @@
 
 import { get, Refusal } from '../api/client';
 import type { Estimate, EventPage, HistoryDocument, ParameterName, RobotEvent } from '../api/types';
-import { robotUrl } from '../fleet/fleet.svelte';
+import { fleet, robotUrl } from '../fleet/fleet.svelte';
 import { now } from '../ui/time.svelte';
 import { CALIBRATED } from '../units/parameters';
 import { isSame, joined } from './events';
@@ -29,6 +29,8 @@ export class History {
   problem = $state('');
   /** Events, the newest first: the service's rows, and those received from the stream since. */
   events = $state.raw<RobotEvent[]>([]);
+  /** True once the rows of the events have been read. */
+  hasEvents = $state(false);
   /** Time under the cursor of all charts, s since 1970. */
   cursor_s = $state<number | null>(null);
   /** True if a key has put it there: it then stays at its time while the charts move on. */
@@ -113,9 +115,23 @@ export class History {
       const path = `${robotUrl(this.id)}/events?limit=${EVENTS_MAX}`;
       const { items } = (await get<EventPage>(path)).body;
       this.events = joined(items, this.#heard);
+      this.hasEvents = true;
     } catch {
       // The list stays as it is; the bar over the page says that the service is away.
     }
+  }
+
+  /** Reads the robot's events, and follows them; returns a function that stops it. */
+  followEvents(): () => void {
+    void this.loadEvents();
+    return fleet.listen({
+      event: (event) => this.takeEvent(event),
+      approval: (id) => {
+        if (id === this.id) void this.loadEvents();
+      },
+      // What was missed is in the history.
+      resync: () => void this.loadEvents(),
+    });
   }
 
   /** Adds an event on its arrival. Its row may be written later. */

@@ -2,8 +2,9 @@
 
 use axum::Json;
 use axum::extract::State;
-use fleetcal_estimator::Parameter;
 use fleetcal_estimator::advice::ranking::{Floor, Ranked};
+use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::{Parameter, Vehicle};
 use fleetcal_proto::RobotId;
 use serde::{Deserialize, Serialize};
 
@@ -56,11 +57,14 @@ fn refused(name: &str, given: &str) -> Problem {
 }
 
 /// Manoeuvres that a robot should drive next, the best first.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[derive(Debug, Default, Serialize, utoipa::ToSchema)]
 #[schema(as = Manoeuvres)]
 pub(super) struct ManoeuvresDocument {
     /// Manoeuvres that fit on the floor; empty before the robot has sent data.
     items: Vec<ManoeuvreDocument>,
+    /// Sigmas at which the parameters of the robot are `converged`; absent before its configuration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sigma_limits: Option<ParameterSigmas>,
 }
 
 /// Manoeuvre with its benefit for this robot now.
@@ -73,6 +77,11 @@ struct ManoeuvreDocument {
     instruction: String,
     /// Length of its path, m.
     distance_m: f64,
+    /// Time that it takes, s.
+    duration_s: f64,
+    /// Path of the rear axle, a point at least every 0.5 m: x and y, m. It begins at the origin,
+    /// heading along x.
+    path_m: Vec<[f64; 2]>,
     /// Length of the floor that it needs, m.
     length_m: f64,
     /// Width of the floor that it needs, m.
@@ -83,11 +92,12 @@ struct ManoeuvreDocument {
     /// Information about all estimated parameters, bits.
     information_bits: f64,
     /// Sigmas afterwards.
-    sigma_after: SigmaAfter,
+    sigma_after: ParameterSigmas,
 }
 
+/// Sigmas of the four parameters of a calibration.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
-struct SigmaAfter {
+struct ParameterSigmas {
     /// Sigma of the steering offset, rad.
     steering_offset: f64,
     /// Sigma of the LiDAR's x, m.
@@ -98,27 +108,44 @@ struct SigmaAfter {
     lidar_yaw: f64,
 }
 
+impl ParameterSigmas {
+    fn of(sigma: impl Fn(Parameter) -> f64) -> Self {
+        Self {
+            steering_offset: sigma(Parameter::SteeringOffset),
+            lidar_x: sigma(Parameter::LidarX),
+            lidar_y: sigma(Parameter::LidarY),
+            lidar_yaw: sigma(Parameter::LidarYaw),
+        }
+    }
+}
+
 impl ManoeuvreDocument {
-    fn of(ranked: &Ranked) -> Self {
+    fn of(ranked: &Ranked, vehicle: &Vehicle) -> Self {
         let manoeuvre = &ranked.advice.manoeuvre;
+        let path = manoeuvre.path(vehicle);
         let [length_m, width_m] = manoeuvre.space_m;
         let sigma = |parameter: Parameter| ranked.advice.sigma_after[parameter.index()];
         Self {
             name: manoeuvre.name,
             instruction: manoeuvre.instruction.clone(),
             distance_m: manoeuvre.distance_m(),
+            duration_s: manoeuvre.duration_s(vehicle),
+            path_m: path
+                .iter()
+                .map(|pose| [rounded_m(pose.x_m), rounded_m(pose.y_m)])
+                .collect(),
             length_m,
             width_m,
             uncertainty_taken: ranked.uncertainty_taken,
             information_bits: ranked.information_bits,
-            sigma_after: SigmaAfter {
-                steering_offset: sigma(Parameter::SteeringOffset),
-                lidar_x: sigma(Parameter::LidarX),
-                lidar_y: sigma(Parameter::LidarY),
-                lidar_yaw: sigma(Parameter::LidarYaw),
-            },
+            sigma_after: ParameterSigmas::of(sigma),
         }
     }
+}
+
+/// Rounds to the millimetre, as drawings do.
+fn rounded_m(m: f64) -> f64 {
+    (m * 1e3).round() / 1e3
 }
 
 /// Returns the manoeuvres that a robot should drive next: those that fit on the floor, by the
@@ -139,13 +166,25 @@ pub(super) async fn get_manoeuvres(
     Parameters(parameters): Parameters<FloorParameters>,
 ) -> Result<Json<ManoeuvresDocument>, Problem> {
     let floor = parameters.floor()?;
-    if api.fleet.robot(&id).is_none() {
-        return Err(Problem::robot_unknown(id.as_str()));
-    }
+    let robot = api
+        .fleet
+        .robot(&id)
+        .ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
+    // Nothing is ranked for a robot without a configuration.
+    let Some(config) = robot.config else {
+        return Ok(Json(ManoeuvresDocument::default()));
+    };
+    let CalibratorConfig {
+        vehicle, settings, ..
+    } = config.calibrator_config(api.fleet.estimator());
+    let limit = |parameter| *settings.converged_sigma.get(parameter);
     let ranked = api.fleet.manoeuvres(&id);
     let fits = |one: &&Ranked| floor.is_none_or(|floor| floor.fits(&one.advice.manoeuvre));
-    let items = ranked.iter().filter(fits).map(ManoeuvreDocument::of);
+    let items = ranked.iter().filter(fits);
     Ok(Json(ManoeuvresDocument {
-        items: items.collect(),
+        items: items
+            .map(|one| ManoeuvreDocument::of(one, &vehicle))
+            .collect(),
+        sigma_limits: Some(ParameterSigmas::of(limit)),
     }))
 }

@@ -103,6 +103,18 @@ async fn a_robot_that_has_sent_something_is_told_what_to_drive_next() {
     }
     let all = names("").await;
     assert!(all.len() > 5, "{all:?}");
+    let found = bench.get(path).await.json();
+    // What the page draws and fills its bars by: of each manoeuvre path and time, and the limits.
+    for item in found["items"].as_array().unwrap() {
+        let distance_m = item["distance_m"].as_f64().unwrap();
+        let points = item["path_m"].as_array().unwrap().len();
+        assert!(points as f64 > 2.0 * distance_m, "{item}");
+        assert!(
+            item["duration_s"].as_f64().unwrap() > 0.5 * distance_m,
+            "{item}"
+        );
+    }
+    assert_eq!(found["sigma_limits"]["lidar_x"], json!(0.005));
     // A corridor has no room for circles.
     let corridor = names("?length_m=1.5&width_m=30").await;
     assert!(!corridor.is_empty() && corridor.len() < all.len());
