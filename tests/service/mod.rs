@@ -19,11 +19,12 @@ use std::net::TcpListener;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use fleetcal_ports::free_address;
 use fleetcal_robot::recording::AskedTopic;
 use fleetcal_robot::replay::{Pacing, Rate, replay};
 use fleetcal_tests::replayed::{assert_same, calibrated, replay_equals_calibrate, send, sender};
 use fleetcal_tests::rewritten::DriveAs;
-use fleetcal_tests::service::{Service, free_port, wait_for};
+use fleetcal_tests::service::{Service, wait_for};
 use fleetcal_tests::{binary, clouds, recording, rewritten};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -216,7 +217,7 @@ fn what_zenoh_refuses_at_the_start_is_reported_once() {
     recording::simulated(&folder.path().join("robot.mcap"), 1.0);
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let listen = format!("tcp/{}", taken.local_addr().unwrap());
-    let nobody = format!("tcp/{}", free_port());
+    let nobody = format!("tcp/{}", free_address());
     let (data, robot) = (path("data"), path("robot.mcap"));
     let serve = [
         "serve",
