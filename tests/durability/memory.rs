@@ -139,6 +139,7 @@ async fn unfinished_messages_of_several_addresses_leave_a_service_within_256_mib
         peers.len(),
         service.memory_bytes() >> 20
     );
+    assert!(!peers.is_empty(), "nobody has attacked it");
     assert_eq!(service.status("/readyz", None), 200);
     assert_eq!(service.pid(), pid);
 }

@@ -173,7 +173,8 @@ async fn garbage_is_refused_by_name_and_disturbs_nobody() {
     assert!(!has_origin(&text), "{text}");
     put(&session, key, urdf("<robot name=\"no_wheels\"/>")).await;
     let read = described(&service, "tugger_01", has_origin);
-    assert!(!read["description"]["missing"].to_string().is_empty());
+    let missing = read["description"]["missing"].as_array().unwrap();
+    assert!(!missing.is_empty(), "{read}");
     assert_eq!(service.robot("tugger_01")["config"]["wheelbase_m"], 1.2);
     session.close().await.unwrap();
 }

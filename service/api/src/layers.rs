@@ -17,9 +17,9 @@ use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetReques
 use tower_http::trace::{DefaultOnFailure, TraceLayer};
 use tracing::{Level, Span, field};
 
-use super::durations::{self, RequestDurations};
 use super::problem::Problem;
 use super::request_head::{self, HeadCheck};
+use fleetcal_http::durations::{self, RequestDurations};
 
 /// Content security policy: scripts, styles and data come from here alone, and nothing inline runs.
 const CONTENT_SECURITY_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \

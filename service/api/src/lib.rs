@@ -12,7 +12,6 @@ mod certificates;
 mod cluster;
 mod dashboard;
 mod documentation;
-mod durations;
 mod export;
 mod forwarding;
 mod health;
@@ -57,9 +56,9 @@ pub use access::AccessSetup;
 pub use serving::serve;
 
 use access::AccessState;
-use durations::RequestDurations;
 use etag::tagged_json;
 use extract::{NoParameters, Parameters};
+use fleetcal_http::durations::RequestDurations;
 use health::ReadyProbe;
 use problem::Problem;
 use request_head::HeadCheck;

@@ -29,11 +29,11 @@ use prometheus_client::metrics::histogram::Histogram;
 use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::Registry;
 
-use super::durations::RequestDurations;
 use super::extract::{NoParameters, Parameters};
 use super::problem::Problem;
 use super::robots::connection_state;
 use super::{ApiState, BuildInfo};
+use fleetcal_http::durations::RequestDurations;
 
 /// Returns counters of the service and of each robot, in the text format that Prometheus reads.
 #[utoipa::path(get, path = "/metrics", tag = "service",

@@ -212,12 +212,10 @@ impl Fleet {
         let mut robots = self.robots.write().unwrap_or_else(PoisonError::into_inner);
         let unregistered = || robots.values().filter(|robot| !robot.is_configured());
         if unregistered().count() >= limits::UNREGISTERED_ROBOTS_MAX {
-            let quiet = |robot: &&Arc<Robot>| robot.quiet_for(&*self.clock);
-            let longest = unregistered().max_by_key(quiet)?;
-            if longest
-                .quiet_for(&*self.clock)
-                .is_some_and(|quiet| quiet < UNREGISTERED_KEPT)
-            {
+            // One that has never sent a sample, but described or announced itself, goes first.
+            let quiet = |robot: &Robot| robot.quiet_for(&*self.clock).unwrap_or(Duration::MAX);
+            let longest = unregistered().max_by_key(|robot| quiet(robot))?;
+            if quiet(longest) < UNREGISTERED_KEPT {
                 return None;
             }
             let gone = longest.id.clone();

@@ -65,7 +65,12 @@ pub struct StrictRouter {
 /// Silence after which a router before several instances drops a session, ms.
 const LEASE_MS: u32 = 3_000;
 /// Streams on which a robot sends seldom.
-const SELDOM: [StreamKind; 2] = [StreamKind::Event, StreamKind::CalibrationApplied];
+const SELDOM: [StreamKind; 4] = [
+    StreamKind::Event,
+    StreamKind::CalibrationApplied,
+    StreamKind::RobotDescription,
+    StreamKind::TfStatic,
+];
 
 /// True if a key expression with `{robot}` for the id has that as one whole chunk, so that a robot
 /// cannot use the keys of another whose id begins as its own does.

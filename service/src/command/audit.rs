@@ -169,8 +169,8 @@ fn head(path: &Path, trusted: &TrustedKeys) -> Result<Kept, CommandError> {
 struct Check {
     heads: Vec<Kept>,
     rows: u64,
-    /// Rows without a link.
-    unlinked: u64,
+    /// Highest row without a link.
+    unlinked: Option<AuditId>,
     lowest: Option<AuditId>,
     highest: Option<AuditId>,
 }
@@ -186,7 +186,9 @@ impl Check {
     /// Takes a row into account, and compares it with its heads.
     fn count(&mut self, row: &AuditRow) -> Result<(), AuditFault> {
         self.rows += 1;
-        self.unlinked += u64::from(row.link.is_none());
+        if row.link.is_none() {
+            self.unlinked = self.unlinked.max(Some(row.id));
+        }
         self.lowest = Some(self.lowest.map_or(row.id, |lowest| lowest.min(row.id)));
         self.highest = Some(self.highest.map_or(row.id, |highest| highest.max(row.id)));
         let differs =
@@ -216,12 +218,12 @@ impl Check {
         {
             return Err(missing(path, head));
         }
-        let unchanged = match self.unlinked {
-            0 => ", none was changed.\n".to_owned(),
-            unlinked => format!(
-                ", none with a link was changed.\n\
-                 {unlinked} rows have no link: a version without links wrote them.\n"
-            ),
+        let unlinked = self.unlinked.map_or_else(String::new, |row| {
+            format!("No link covers what is older than row {row}, which has none.\n")
+        });
+        let first = match lowest {
+            AuditId(1) => String::new(),
+            _ => format!("Row {lowest} is not checked: the row before it is not here.\n"),
         };
         let heads = self
             .heads
@@ -230,7 +232,8 @@ impl Check {
         let heads: String = heads.collect();
         let rows = self.rows;
         Ok(format!(
-            "{rows} rows, {lowest} to {highest}: none is missing{unchanged}{heads}"
+            "{rows} rows, {lowest} to {highest}: none is missing, none with a link was changed.\n\
+             {unlinked}{first}{heads}"
         ))
     }
 }

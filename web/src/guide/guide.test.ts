@@ -83,6 +83,22 @@ describe('the guide', () => {
     expect(stageFace(guide(known, reported)).word).toBe('Not known yet');
   });
 
+  it('gives no verdict of values that a joining check says cannot be right', () => {
+    const events = [event('calibration_confirmed', 8), event('reassembled', 5)];
+    const seen = { robot: robot(false), standing: 'drift' as const, warnings: [] };
+    const reassembly = reassemblyOf(events, seen.robot);
+    expect(guideOf(seen, 'online', reassembly, NOW_MS).stage).toBe('same');
+    const warnings = [{ kind: 'joining_check' as const, text: 'The steering has the wrong sign.' }];
+    const checked = guideOf({ ...seen, warnings }, 'online', reassembly, NOW_MS);
+    expect(checked.stage).toBe('blocked');
+    expect(checked.obstacle?.standing).toBe('fault');
+  });
+
+  it('takes back that nothing has changed when something changes afterwards', () => {
+    const events = [event('calibration_confirmed', 8), event('reassembled', 5)];
+    expect(guide(robot(false, { state: 'changed' }), events).stage).toBe('changed');
+  });
+
   it('says that there is no verdict where the estimator went on without one', () => {
     const found = guide(robot(false), [event('reassembled', 5)]);
     expect(found.stage).toBe('ask');

@@ -46,7 +46,8 @@ const OBSTACLES: Partial<Record<Standing, string>> = {
   estimator_failed: 'Report it to the operator of the service.',
   no_instance: 'Report it to the operator of the service.',
   no_data: 'Check that the robot is on and connected.',
-  fault: 'Check the sensor. Learning goes on by itself once the fault has gone.',
+  fault:
+    'Follow the joining check on the robot’s page; without one, check the sensor. Learning goes on by itself once the fault has gone.',
   unregistered: 'Set up the vehicle on the robot’s page.',
 };
 
@@ -69,13 +70,19 @@ export function obstacleOf(
     Object.hasOwn(OBSTACLES, one),
   ) as Standing | undefined;
   const failed = robot.state === 'failed' ? 'estimator_failed' : undefined;
-  const name = failed ?? found ?? (connection === 'online' ? undefined : 'no_data');
+  const spoiled = isSpoiled({ robot, standing, warnings }) ? 'fault' : undefined;
+  const name = failed ?? found ?? spoiled ?? (connection === 'online' ? undefined : 'no_data');
   if (name === undefined) return null;
   return {
     standing: name,
     because: STANDINGS[name].meaning,
     todo: OBSTACLES[name] ?? '',
   };
+}
+
+/** True if a joining check names a cause: what the robot sends may make every value wrong. */
+function isSpoiled({ warnings }: Seen): boolean {
+  return warnings.some(({ kind }) => kind === 'joining_check');
 }
 
 /** The robot as the service describes it. */
@@ -100,10 +107,13 @@ export function guideOf(
   now_ms: number,
 ): Guide {
   const obstacle = obstacleOf(seen, connection);
-  const given = verdictOf(reassembly, now_ms);
+  const told = verdictOf(reassembly, now_ms);
+  // A change after the verdict that nothing had changed.
+  const given = told === 'same' && seen.robot.state === 'changed' ? 'changed' : told;
   const isOpen = reassembly?.verdict === 'open' || seen.robot.estimate?.reassembly_open === true;
   // Work on a robot that is switched off can be reported.
-  const passes = obstacle !== null && PASSING.includes(obstacle.standing) && !isOpen;
+  const passes =
+    obstacle !== null && PASSING.includes(obstacle.standing) && !isOpen && !isSpoiled(seen);
   const stage = obstacle && !passes ? 'blocked' : (given ?? (isOpen ? 'drive' : 'ask'));
   return { stage, obstacle, reassembly };
 }

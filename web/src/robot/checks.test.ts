@@ -52,7 +52,7 @@ describe('joining checks', () => {
     expect(said(finding('scan', 'wrong'), finding('speed', 'not_yet'))).toBe('One cause is named.');
     expect(said(finding('scan', 'wrong'), finding('delay', 'unsure'))).toBe('2 causes are named.');
     const nothing = { robot: 'a', way_m: 0, resting: false, streams: [], findings: [] };
-    expect(verdict(nothing)).toBe('The robot has not sent anything yet.');
+    expect(verdict(nothing)).toBe('Nothing has arrived since the checks began.');
   });
 
   it('say what was left out of a stream, by reason', () => {

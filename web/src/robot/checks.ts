@@ -41,9 +41,9 @@ export function byUrgency(findings: readonly CheckFinding[]): CheckFinding[] {
 
 /** Says in a sentence how the checks stand. */
 export function verdict({ findings, streams }: Checks): string {
-  if (streams.length === 0) return 'The robot has not sent anything yet.';
   const named = findings.filter(({ cause }) => cause != null).length;
   if (named > 0) return named === 1 ? 'One cause is named.' : `${named} causes are named.`;
+  if (streams.length === 0) return 'Nothing has arrived since the checks began.';
   const open = findings.filter(({ state }) => state === 'not_yet').length;
   return open > 0 ? 'Nothing is wrong so far.' : 'Nothing is wrong.';
 }

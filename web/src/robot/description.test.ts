@@ -55,8 +55,8 @@ describe('what a robot says of itself', () => {
     expect(filled.wheelbase).toBe('1.2');
     expect(filled.sources).toEqual([
       'robot_description',
-      'Steering by URDF: driven',
-      'Wheelbase by URDF: rear to steer_joint',
+      'Steering: tricycle, by URDF: driven',
+      'Wheelbase: 1.200 m, by URDF: rear to steer_joint',
     ]);
     expect(prefill(described({ values: [] }, null)).sources).toEqual([]);
   });

@@ -82,7 +82,8 @@ export function prefill(described: DescribedRobot): Prefill {
   if (model?.value === 'bicycle' || model?.value === 'tricycle') filled.model = model.value;
   if (typeof wheelbase?.value === 'number') filled.wheelbase = String(wheelbase.value);
   for (const one of values) {
-    if (one.key !== 'track_m') filled.sources.push(`${labelOf(one)} by ${one.source}`);
+    if (one.key !== 'track_m')
+      filled.sources.push(`${labelOf(one)}: ${textOf(one.key, one.value)}, by ${one.source}`);
   }
   if (filled.sources.length > 0) filled.sources.unshift(origins.join(', '));
   return filled;

@@ -5,7 +5,7 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::Response;
-use fleetcal_domain::robot::{DescribedConfig, RobotConfig};
+use fleetcal_domain::robot::{DescribedConfig, RobotConfig, RobotView};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::description::DescriptionDocument;
 use serde::{Deserialize, Serialize};
@@ -60,7 +60,8 @@ pub(super) async fn get_description(
     RobotPath(id): RobotPath,
     Parameters(parameters): Parameters<DescriptionParameters>,
 ) -> Result<Json<DescribedRobot>, Problem> {
-    described(&api, &id, &parameters).map(Json)
+    let configured = view(&api, &id)?.config;
+    described(&api, &id, &parameters, configured).map(Json)
 }
 
 /// Takes over the configuration that the robot's own description implies.
@@ -78,8 +79,12 @@ pub(super) async fn get_description(
         ("If-None-Match" = Option<String>, Header, description = "`*` for a new robot."),
     ),
     responses(
-        (status = OK, description = "The changed robot", body = super::document::RobotDocument),
-        (status = CREATED, description = "The registered robot", body = super::document::RobotDocument),
+        (status = OK, description = "The changed robot", body = super::document::RobotDocument,
+            headers(("ETag" = String, description = "Version of the configuration."))),
+        (status = CREATED, description = "The registered robot",
+            body = super::document::RobotDocument,
+            headers(("ETag" = String, description = "Version of the configuration."))),
+        (status = CONFLICT, description = "The limit of robots is reached"),
         (status = NOT_FOUND, description = "The robot is unknown"),
         (status = PRECONDITION_FAILED,
             description = "The configuration has changed since `If-Match`, or exists despite `If-None-Match`"),
@@ -95,7 +100,16 @@ pub(super) async fn take_description(
     caller: Caller,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let described = described(&api, &id, &parameters)?;
+    view(&api, &id)?;
+    // As it is stored: what another instance has just changed may not have arrived here yet, and a
+    // precondition is about the stored version.
+    let stored = api.store.load_robot(&id).await?;
+    let described = described(
+        &api,
+        &id,
+        &parameters,
+        stored.and_then(|robot| robot.config),
+    )?;
     let DescriptionDocument {
         values, missing, ..
     } = described.description;
@@ -110,23 +124,27 @@ pub(super) async fn take_description(
     store(api, id, config, &headers, caller.actor).await
 }
 
+fn view(api: &ApiState, id: &RobotId) -> Result<RobotView, Problem> {
+    let unknown = || Problem::robot_unknown(id.as_str());
+    api.fleet.robot(id).ok_or_else(unknown)
+}
+
 fn described(
     api: &ApiState,
     id: &RobotId,
     parameters: &DescriptionParameters,
+    configured: Option<RobotConfig>,
 ) -> Result<DescribedRobot, Problem> {
     if let Some(frame) = &parameters.scan_frame {
         check_length("scan_frame", frame, FRAME_CHARS_MAX)?;
     }
-    let unknown = || Problem::robot_unknown(id.as_str());
-    let view = api.fleet.robot(id).ok_or_else(unknown)?;
     let read = api.fleet.description(id).unwrap_or_default();
     let proposal = read.description.propose(parameters.scan_frame.as_deref());
     let by_itself = DescribedConfig::of(&proposal);
-    let mut description = by_itself.document(read.origins, view.config.as_ref());
+    let mut description = by_itself.document(read.origins, configured.as_ref());
     description.remarks.extend(read.remarks);
     Ok(DescribedRobot {
         description,
-        proposed: by_itself.over(view.config),
+        proposed: by_itself.over(configured),
     })
 }

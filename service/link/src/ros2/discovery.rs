@@ -53,9 +53,6 @@ fn take(ros2: &Ros2, sample: &Sample) {
         return;
     }
     let stands = sample.kind() == SampleKind::Put;
-    if stands && let Some(earlier) = description::announced(&announced.path, announced.layout) {
-        ros2.query_description(earlier);
-    }
     let mut discovery = lock(&ros2.shared.discovery);
     let table = ros2.table();
     let places = table.places(&announced.path, announced.layout).into_iter();
@@ -66,6 +63,13 @@ fn take(ros2: &Ros2, sample: &Sample) {
         // A bridge that was restarted announces itself again before its former token is gone.
         let of = discovery.type_of(&announced.path, robots.first());
         ros2.change_table(|table| table.announce(&announced.path, of));
+    }
+    let is_known = |robot: &RobotId| ros2.shared.fleet.robot(robot).is_some();
+    if stands
+        && robots.iter().any(is_known)
+        && let Some(earlier) = description::announced(&announced.path, announced.layout)
+    {
+        ros2.query_description(earlier);
     }
     for robot in robots {
         let topics = discovery.topics_of(&ros2.table(), &robot);

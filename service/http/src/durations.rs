@@ -27,14 +27,14 @@ struct Labels {
 
 /// Durations of requests until their answer began.
 #[derive(Debug, Clone)]
-pub(super) struct RequestDurations {
+pub struct RequestDurations {
     families: Family<Labels, Histogram, fn() -> Histogram>,
     clock: SharedClock,
 }
 
 impl RequestDurations {
     /// Makes an empty collection.
-    pub(super) fn new(clock: SharedClock) -> Self {
+    pub fn new(clock: SharedClock) -> Self {
         Self {
             families: Family::new_with_constructor(|| Histogram::new(BUCKETS_S)),
             clock,
@@ -42,7 +42,10 @@ impl RequestDurations {
     }
 
     /// Encodes the histograms.
-    pub(super) fn encode(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
+    ///
+    /// # Errors
+    /// The encoder's failure.
+    pub fn encode(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let name = "fleetcal_http_request_duration_seconds";
         let help = "Time from a request's header until its answer begins";
         let kind = MetricType::Histogram;
@@ -52,13 +55,13 @@ impl RequestDurations {
 }
 
 /// Route of a request in the router's form; `other` for pages and unknown paths.
-pub(super) fn route(request: &Request) -> &str {
+pub fn route(request: &Request) -> &str {
     let matched = request.extensions().get::<MatchedPath>();
     matched.map_or("other", MatchedPath::as_str)
 }
 
 /// Measures the duration of a request.
-pub(super) async fn measured(
+pub async fn measured(
     State(durations): State<RequestDurations>,
     request: Request,
     next: Next,
