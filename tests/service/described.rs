@@ -171,7 +171,10 @@ async fn garbage_is_refused_by_name_and_disturbs_nobody() {
     put(&session, key, vec![0, 1, 0, 0, 3, 0, 0, 0, 0xc3, 0x28, 0]).await;
     let text = refused("UTF-8");
     assert!(!has_origin(&text), "{text}");
-    put(&session, key, urdf("<robot name=\"no_wheels\"/>")).await;
+    put(&session, key, urdf("<robot name=\"empty\"/>")).await;
+    assert!(!has_origin(&refused("links without a joint above them")));
+    let no_wheels = "<robot name=\"no_wheels\"><link name=\"base_link\"/></robot>";
+    put(&session, key, urdf(no_wheels)).await;
     let read = described(&service, "tugger_01", has_origin);
     let missing = read["description"]["missing"].as_array().unwrap();
     assert!(!missing.is_empty(), "{read}");
