@@ -8,7 +8,9 @@ use axum::extract::{DefaultBodyLimit, Request};
 use axum::http::{HeaderName, HeaderValue, Method, Uri, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
+use fleetcal_clock::SharedClock;
 use fleetcal_domain::limits;
+use fleetcal_metrics::RequestDurations;
 use tower::ServiceBuilder;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
@@ -17,9 +19,9 @@ use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetReques
 use tower_http::trace::{DefaultOnFailure, TraceLayer};
 use tracing::{Level, Span, field};
 
+use super::durations;
 use super::problem::Problem;
 use super::request_head::{self, HeadCheck};
-use fleetcal_http::durations::{self, RequestDurations};
 
 /// Content security policy: scripts, styles and data come from here alone, and nothing inline runs.
 const CONTENT_SECURITY_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
@@ -43,7 +45,12 @@ const SECURITY_HEADERS: [(HeaderName, &str); 6] = [
 ];
 
 /// Wraps the routes in the layers that all of them share.
-pub(super) fn around(routes: Router, head: HeadCheck, durations: RequestDurations) -> Router {
+pub(super) fn around(
+    routes: Router,
+    head: HeadCheck,
+    durations: RequestDurations,
+    clock: SharedClock,
+) -> Router {
     let request_id = HeaderName::from_static("x-request-id");
     let layers = ServiceBuilder::new()
         .layer(SetRequestIdLayer::new(request_id.clone(), MakeRequestUuid))
@@ -57,7 +64,7 @@ pub(super) fn around(routes: Router, head: HeadCheck, durations: RequestDuration
                 .on_failure(DefaultOnFailure::new().level(Level::DEBUG)),
         )
         .layer(middleware::from_fn_with_state(
-            durations,
+            (durations, clock),
             durations::measured,
         ))
         .layer(PropagateRequestIdLayer::new(request_id))

@@ -12,6 +12,7 @@ mod certificates;
 mod cluster;
 mod dashboard;
 mod documentation;
+mod durations;
 mod export;
 mod forwarding;
 mod health;
@@ -38,6 +39,7 @@ use fleetcal_clock::SharedClock;
 use fleetcal_cluster::Membership;
 use fleetcal_fleet::FleetHandle;
 use fleetcal_http::{Connections, Exports, host};
+use fleetcal_metrics::RequestDurations;
 use fleetcal_model::WallTime;
 use fleetcal_operations::alert_evaluator::AlertEvaluator;
 use fleetcal_operations::lifecycle::Lifecycle;
@@ -58,7 +60,6 @@ pub use serving::serve;
 use access::AccessState;
 use etag::tagged_json;
 use extract::{NoParameters, Parameters};
-use fleetcal_http::durations::RequestDurations;
 use health::ReadyProbe;
 use problem::Problem;
 use request_head::HeadCheck;
@@ -133,7 +134,7 @@ impl ApiState {
         Self {
             build: setup.build,
             started_ns: setup.clock.now().minus(setup.clock.elapsed()),
-            durations: RequestDurations::new(setup.clock.clone()),
+            durations: RequestDurations::default(),
             recordings: robots::Recordings::new(setup.stop.clone()),
             exports: Exports::default(),
             stream: StreamHub::start(&setup),
@@ -215,7 +216,7 @@ pub fn router(setup: ApiSetup) -> Router {
         connections: setup.connections.clone(),
     };
     let state = ApiState::start(setup);
-    let durations = state.durations.clone();
+    let (durations, clock) = (state.durations.clone(), state.clock.clone());
     let (routes, _) = documented().split_for_parts();
     let authorise = middleware::from_fn_with_state(state.clone(), access::authorise);
     let routes = routes
@@ -224,7 +225,7 @@ pub fn router(setup: ApiSetup) -> Router {
         .merge(documentation::routes())
         .fallback(dashboard::pages)
         .with_state(state);
-    layers::around(routes, head, durations)
+    layers::around(routes, head, durations, clock)
 }
 
 /// OpenAPI document of [`router`].

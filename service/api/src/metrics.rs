@@ -17,7 +17,7 @@ use fleetcal_domain::standing::Standing;
 use fleetcal_fleet::{FleetCounters, SessionClosed};
 use fleetcal_http::Turned;
 use fleetcal_metrics::robots::{self, RobotFigures};
-use fleetcal_metrics::{cluster, counter, counters, gauge, gauges};
+use fleetcal_metrics::{RequestDurations, cluster, counter, counters, gauge, gauges};
 use fleetcal_operations::webhook_dispatcher::WebhookDispatcherCounters;
 use fleetcal_store::StoreCounters;
 use futures::stream;
@@ -33,7 +33,6 @@ use super::extract::{NoParameters, Parameters};
 use super::problem::Problem;
 use super::robots::connection_state;
 use super::{ApiState, BuildInfo};
-use fleetcal_http::durations::RequestDurations;
 
 /// Returns counters of the service and of each robot, in the text format that Prometheus reads.
 #[utoipa::path(get, path = "/metrics", tag = "service",

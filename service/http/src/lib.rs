@@ -7,7 +7,6 @@ mod client_address;
 pub mod compressed;
 mod connections;
 pub mod csv;
-pub mod durations;
 mod exports;
 mod familiar;
 pub mod host;

@@ -2,6 +2,7 @@
 //! of a [`cluster`], and those of [`robots`], of which there may be thousands.
 
 pub mod cluster;
+mod durations;
 pub mod robots;
 
 use std::fmt;
@@ -10,6 +11,8 @@ use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric};
 use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
+
+pub use durations::{RequestDurations, RequestLabels};
 
 /// Writes a family of gauges, one for each value of a label.
 ///
