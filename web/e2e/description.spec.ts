@@ -9,7 +9,7 @@ test('a robot that describes itself is set up by one click', async ({ page, serv
   await row.getByRole('link', { name: 'Set up vehicle' }).click({ timeout: 40_000 });
   await expect(page.getByLabel('Wheelbase')).toHaveValue('1.2', { timeout: 15_000 });
   await page.getByText("Filled in from the robot's own description").click();
-  await expect(page.getByText(/^Wheelbase by URDF: /)).toBeVisible();
+  await expect(page.getByText(/^Wheelbase: 1\.200 m, by URDF: /)).toBeVisible();
   await accessible(page);
   await page.getByRole('button', { name: 'Start calibration' }).click();
   await openPart(page, 'Evidence');
