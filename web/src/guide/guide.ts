@@ -70,19 +70,22 @@ export function obstacleOf(
     Object.hasOwn(OBSTACLES, one),
   ) as Standing | undefined;
   const failed = robot.state === 'failed' ? 'estimator_failed' : undefined;
-  const spoiled = isSpoiled({ robot, standing, warnings }) ? 'fault' : undefined;
-  const name = failed ?? found ?? spoiled ?? (connection === 'online' ? undefined : 'no_data');
-  if (name === undefined) return null;
-  return {
-    standing: name,
-    because: STANDINGS[name].meaning,
-    todo: OBSTACLES[name] ?? '',
-  };
+  const name = failed ?? found ?? (connection === 'online' ? undefined : 'no_data');
+  return name === undefined ? null : obstacleBy(name);
 }
 
-/** True if a joining check names a cause: what the robot sends may make every value wrong. */
-function isSpoiled({ warnings }: Seen): boolean {
-  return warnings.some(({ kind }) => kind === 'joining_check');
+function obstacleBy(standing: Standing): Obstacle {
+  return { standing, because: STANDINGS[standing].meaning, todo: OBSTACLES[standing] ?? '' };
+}
+
+/**
+ * True if a joining check names a cause for which the service takes every value back. With a cause
+ * that is unsure it goes on calibrating.
+ */
+function isSpoiled({ robot, warnings }: Seen): boolean {
+  const isNamed = warnings.some(({ kind }) => kind === 'joining_check');
+  const known = Object.values(robot.estimate?.parameters ?? {});
+  return isNamed && known.every(({ status }) => status !== 'converged');
 }
 
 /** The robot as the service describes it. */
@@ -106,14 +109,15 @@ export function guideOf(
   reassembly: Reassembly | null,
   now_ms: number,
 ): Guide {
-  const obstacle = obstacleOf(seen, connection);
   const told = verdictOf(reassembly, now_ms);
   // A change after the verdict that nothing had changed.
   const given = told === 'same' && seen.robot.state === 'changed' ? 'changed' : told;
+  const isTakenBack = given !== null && isSpoiled(seen);
+  const obstacle = obstacleOf(seen, connection) ?? (isTakenBack ? obstacleBy('fault') : null);
   const isOpen = reassembly?.verdict === 'open' || seen.robot.estimate?.reassembly_open === true;
   // Work on a robot that is switched off can be reported.
   const passes =
-    obstacle !== null && PASSING.includes(obstacle.standing) && !isOpen && !isSpoiled(seen);
+    obstacle !== null && PASSING.includes(obstacle.standing) && !isOpen && !isTakenBack;
   const stage = obstacle && !passes ? 'blocked' : (given ?? (isOpen ? 'drive' : 'ask'));
   return { stage, obstacle, reassembly };
 }
