@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 30] = [
+pub const CRATES: [Member; 31] = [
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),
@@ -95,6 +95,11 @@ pub const CRATES: [Member; 30] = [
         "certificate clock cluster domain estimator fleet model proto robot store",
     ),
     member(
+        "fleetcal-moments",
+        "service/moments",
+        "clock domain fleet model operations",
+    ),
+    member(
         "fleetcal-link",
         "service/link",
         "clock cluster domain fleet model operations proto",
@@ -113,7 +118,7 @@ pub const CRATES: [Member; 30] = [
     member(
         "fleetcal-api",
         "service/api",
-        "certificate clock cluster domain estimator fleet http metrics model operations proto requests store",
+        "certificate clock cluster domain estimator fleet http metrics model moments operations proto requests store",
     ),
     member(
         "fleetcal-config",
@@ -128,8 +133,8 @@ pub const CRATES: [Member; 30] = [
     member(
         "fleetcal",
         "service",
-        "api clock cluster command config domain fleet folder http link model operations postgres proto robot \
-         sql sqlite store",
+        "api clock cluster command config domain fleet folder http link model moments operations postgres proto \
+         robot sql sqlite store",
     ),
     member(
         "fleetcal-evaluation",

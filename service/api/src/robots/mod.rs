@@ -10,6 +10,7 @@ mod events;
 mod history;
 mod list;
 mod manoeuvres;
+mod moments;
 mod recording;
 mod registration;
 mod top_view;
@@ -41,6 +42,8 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(manoeuvres::get_manoeuvres))
         .routes(routes!(top_view::get_top_view))
         .routes(routes!(recording::get_recording))
+        .routes(routes!(moments::list_moments, moments::keep_moment))
+        .routes(routes!(moments::get_moment))
         .routes(routes!(connection::put_maintenance))
         .routes(routes!(events::list_events, events::post_event))
 }
