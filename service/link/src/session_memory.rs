@@ -61,7 +61,7 @@ mod tests {
     /// Returns the MiB at which memory that grows so fast from a size is first short.
     fn short_at(from_mib: u64, mib_per_s: u64) -> u64 {
         let mut watch = MemoryWatch::new(256 * MIB);
-        (0..)
+        (0..600_000)
             .map(|ms| (ms, from_mib * MIB + ms * mib_per_s * MIB / 1_000))
             .find(|&(ms, bytes)| watch.is_short(Duration::from_millis(ms), bytes))
             .map_or(0, |(_, bytes)| bytes / MIB)
