@@ -15,7 +15,6 @@ mod openapi;
 mod rest;
 mod robot_recording;
 mod ros2;
-mod support;
 
 use std::net::TcpListener;
 use std::path::PathBuf;
