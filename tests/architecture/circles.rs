@@ -108,7 +108,7 @@ pub const CRATES: [Member; 31] = [
     member(
         "fleetcal-requests",
         "service/requests",
-        "domain fleet model proto store",
+        "domain fleet http model operations proto store",
     ),
     member(
         "fleetcal-metrics",

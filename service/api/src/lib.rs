@@ -46,7 +46,7 @@ use fleetcal_operations::alert_evaluator::AlertEvaluator;
 use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_operations::peers::Peers;
 use fleetcal_operations::webhook_dispatcher::WebhookDispatcher;
-use fleetcal_requests::{etag, extract, listing, page, problem, time};
+use fleetcal_requests::{cookie, etag, extract, listing, page, password, problem, time};
 use fleetcal_store::Store;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;

@@ -6,7 +6,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use fleetcal_domain::limits;
+use fleetcal_domain::{limits, timestamp};
 use fleetcal_fleet::{Held, HeldMessage, Tapped};
 use fleetcal_model::{RobotId, RobotTime, WallTime};
 use fleetcal_operations::recording_export::RecordingExport;
@@ -163,8 +163,8 @@ pub(crate) fn write(folder: &Path, mut moment: Moment, held: &Held) -> io::Resul
     fs::create_dir_all(folder)?;
     let (part, path) = places(folder, moment.id, DATA);
     let stamps = || held.messages().map(|message| message.stamp);
-    moment.from_ns = stamps().min().unwrap_or(RobotTime(0));
-    moment.to_ns = stamps().max().unwrap_or(RobotTime(0));
+    moment.from = timestamp::of_robot(stamps().min().unwrap_or(RobotTime(0)));
+    moment.to = timestamp::of_robot(stamps().max().unwrap_or(RobotTime(0)));
     moment.messages = stamps().count() as u64;
     write_data(&part, &moment.robot, held)?;
     moment.bytes = fs::metadata(&part)?.len();
@@ -234,11 +234,11 @@ mod tests {
         Moment {
             id,
             robot: RobotId::parse(robot).unwrap(),
-            kept_ns: WallTime(id * 1_000_000),
+            kept_at: timestamp::of(WallTime(id * 1_000_000)),
             kind: MomentKind::Requested,
-            words: "odd noise".to_owned(),
-            from_ns: RobotTime(0),
-            to_ns: RobotTime(0),
+            note: "odd noise".to_owned(),
+            from: timestamp::of_robot(RobotTime(0)),
+            to: timestamp::of_robot(RobotTime(0)),
             messages: 0,
             bytes: 0,
         }

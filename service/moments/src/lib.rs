@@ -15,12 +15,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use fleetcal_clock::SharedClock;
-use fleetcal_domain::limits;
+use fleetcal_domain::{limits, timestamp};
 use fleetcal_fleet::{FleetHandle, FleetRefused, Held};
-use fleetcal_model::{RobotId, RobotTime, WallTime};
+use fleetcal_model::RobotId;
+use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use tokio::sync::{mpsc, oneshot};
+use utoipa::ToSchema;
 
 use disk::Shelf;
 use trigger::Triggers;
@@ -29,7 +31,7 @@ use trigger::Triggers;
 const FOLDER: &str = "moments";
 
 /// Reason for a moment.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MomentKind {
     /// The estimator detected a change of the vehicle.
@@ -44,23 +46,27 @@ pub enum MomentKind {
     Requested,
 }
 
-/// Moment on disk.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+/// Latest data of a robot, kept when something happened to it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Moment {
     /// Number of the moment, which grows with each one of the robot.
     pub id: i64,
-    /// The robot.
+    /// Id of the robot.
+    #[schema(value_type = String)]
     pub robot: RobotId,
     /// Time at which it was kept.
-    pub kept_ns: WallTime,
+    #[schema(value_type = String, format = DateTime)]
+    pub kept_at: Timestamp,
     /// Reason for it.
     pub kind: MomentKind,
-    /// Reason in words.
-    pub words: String,
+    /// Reason in words; may be empty.
+    pub note: String,
     /// Stamp of the oldest message, by the robot's clock.
-    pub from_ns: RobotTime,
+    #[schema(value_type = String, format = DateTime)]
+    pub from: Timestamp,
     /// Stamp of the newest message, by the robot's clock.
-    pub to_ns: RobotTime,
+    #[schema(value_type = String, format = DateTime)]
+    pub to: Timestamp,
     /// Number of messages of the robot.
     pub messages: u64,
     /// Size of the file, bytes.
@@ -255,19 +261,19 @@ impl Moments {
             answer,
         } = wanted;
         let counts = &self.inner.counts;
-        let kept_ns = self.inner.clock.now();
-        let id = self.shelf().next_id(&robot, kept_ns);
+        let now = self.inner.clock.now();
+        let id = self.shelf().next_id(&robot, now);
         let folder = self.shelf().folder(&robot);
         let written = disk::write(
             &folder,
             Moment {
                 id,
                 robot,
-                kept_ns,
+                kept_at: timestamp::of(now),
                 kind,
-                words,
-                from_ns: RobotTime(0),
-                to_ns: RobotTime(0),
+                note: words,
+                from: Timestamp::UNIX_EPOCH,
+                to: Timestamp::UNIX_EPOCH,
                 messages: 0,
                 bytes: 0,
             },

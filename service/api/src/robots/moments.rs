@@ -7,9 +7,8 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::limits;
 use fleetcal_http::csv;
-use fleetcal_moments::{Moment, MomentKind, MomentRefused};
+use fleetcal_moments::{Moment, MomentRefused};
 use fleetcal_proto::RobotId;
-use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
 use super::recording::RecordingFile;
@@ -17,87 +16,13 @@ use crate::ApiState;
 use crate::extract::{NoParameters, Parameters, check_length};
 use crate::forwarding::OwnRobot;
 use crate::problem::Problem;
-use crate::time;
-
-/// Reason for a moment.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
-#[serde(rename_all = "snake_case")]
-#[schema(as = MomentKind)]
-pub(super) enum KindDocument {
-    /// The estimator detected a change of the vehicle.
-    Change,
-    /// A sensor, the LiDAR odometry, the estimator or the connection failed, or a joining check named
-    /// a cause.
-    Fault,
-    /// A verification run disagreed with the calibration in use.
-    VerificationFailed,
-    /// Somebody reported a reassembly.
-    Reassembled,
-    /// Somebody asked for the moment.
-    Requested,
-}
-
-impl From<MomentKind> for KindDocument {
-    fn from(kind: MomentKind) -> Self {
-        match kind {
-            MomentKind::Change => Self::Change,
-            MomentKind::Fault => Self::Fault,
-            MomentKind::VerificationFailed => Self::VerificationFailed,
-            MomentKind::Reassembled => Self::Reassembled,
-            MomentKind::Requested => Self::Requested,
-        }
-    }
-}
-
-/// Latest data of a robot, kept when something happened to it.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
-#[schema(as = Moment)]
-pub(super) struct MomentDocument {
-    /// Number of the moment.
-    id: i64,
-    /// Id of the robot.
-    robot: RobotId,
-    /// Time at which it was kept.
-    #[schema(value_type = String, format = DateTime)]
-    kept_at: Timestamp,
-    /// Reason for it.
-    kind: KindDocument,
-    /// Reason in words; may be empty.
-    note: String,
-    /// Stamp of the oldest message, by the robot's clock.
-    #[schema(value_type = String, format = DateTime)]
-    from: Timestamp,
-    /// Stamp of the newest message, by the robot's clock.
-    #[schema(value_type = String, format = DateTime)]
-    to: Timestamp,
-    /// Number of messages of the robot.
-    messages: u64,
-    /// Size of the file, bytes.
-    bytes: u64,
-}
-
-impl MomentDocument {
-    fn of(moment: Moment) -> Self {
-        Self {
-            id: moment.id,
-            robot: moment.robot,
-            kept_at: time::of(moment.kept_ns),
-            kind: moment.kind.into(),
-            note: moment.words,
-            from: time::of_robot(moment.from_ns),
-            to: time::of_robot(moment.to_ns),
-            messages: moment.messages,
-            bytes: moment.bytes,
-        }
-    }
-}
 
 /// Moments of a robot.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Moments)]
 pub(super) struct MomentsDocument {
     /// The moments, the newest first; at most 20.
-    moments: Vec<MomentDocument>,
+    moments: Vec<Moment>,
     /// Moments of all robots that were dropped for newer ones since the service started.
     dropped: u64,
     /// Moments of all robots that could not be written since the service started.
@@ -128,7 +53,7 @@ pub(super) async fn list_moments(
     let counts = api.moments.counts();
     let moments = api.moments.of(&id);
     Ok(Json(MomentsDocument {
-        moments: moments.into_iter().map(MomentDocument::of).collect(),
+        moments: moments,
         dropped: counts.dropped,
         lost: counts.lost,
     }))
@@ -150,7 +75,7 @@ pub(super) struct MomentParameters {
     tag = "robots",
     params(("id" = RobotId, Path, description = "The robot."), MomentParameters),
     responses(
-        (status = CREATED, description = "The moment", body = MomentDocument),
+        (status = CREATED, description = "The moment", body = Moment),
         (status = NOT_FOUND, description = "The robot is unknown"),
         (status = CONFLICT, description = "The robot has sent nothing within the last minute"),
         (status = SERVICE_UNAVAILABLE,
@@ -166,7 +91,7 @@ pub(super) async fn keep_moment(
     check_length("note", &note, limits::NOTE_CHARS_MAX)?;
     let kept = api.moments.keep(&id, note).await;
     let moment = kept.map_err(refused)?;
-    Ok((StatusCode::CREATED, Json(MomentDocument::of(moment))).into_response())
+    Ok((StatusCode::CREATED, Json(moment)).into_response())
 }
 
 fn refused(refused: MomentRefused) -> Problem {
