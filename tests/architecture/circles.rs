@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 31] = [
+pub const CRATES: [Member; 32] = [
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),
@@ -47,6 +47,7 @@ pub const CRATES: [Member; 31] = [
     member("fleetcal-robot", "robot", "model proto"),
     member("fleetcal-clock", "service/clock", "model"),
     member("fleetcal-limits", "service/limits", "model"),
+    member("fleetcal-support", "service/support", "limits model"),
     member(
         "fleetcal-domain",
         "service/domain",
@@ -118,7 +119,7 @@ pub const CRATES: [Member; 31] = [
     member(
         "fleetcal-api",
         "service/api",
-        "certificate clock cluster domain estimator fleet http metrics model moments operations proto requests store",
+        "certificate clock cluster domain estimator fleet http metrics model moments operations proto requests store support",
     ),
     member(
         "fleetcal-config",
@@ -134,7 +135,7 @@ pub const CRATES: [Member; 31] = [
         "fleetcal",
         "service",
         "api clock cluster command config domain fleet folder http link model moments operations postgres proto \
-         robot sql sqlite store",
+         robot sql sqlite store support",
     ),
     member(
         "fleetcal-evaluation",

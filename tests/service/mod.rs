@@ -15,6 +15,7 @@ mod openapi;
 mod rest;
 mod robot_recording;
 mod ros2;
+mod support;
 
 use std::net::TcpListener;
 use std::path::PathBuf;

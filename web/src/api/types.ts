@@ -33,6 +33,7 @@ export type Stream = Schemas['StreamCounts'];
 export type Checks = Schemas['Checks'];
 export type Moment = Schemas['Moment'];
 export type Moments = Schemas['Moments'];
+export type SupportList = Schemas['SupportList'];
 export type CheckFinding = Schemas['CheckFinding'];
 export type CheckedStream = Schemas['CheckedStream'];
 export type CheckState = Schemas['CheckState'];

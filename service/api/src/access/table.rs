@@ -65,6 +65,7 @@ pub(crate) const TABLE: &[(&str, &str, Access)] = &[
     ("GET", "/api/v1/robots/{id}/moments", Viewer),
     ("POST", "/api/v1/robots/{id}/moments", Operator),
     ("GET", "/api/v1/robots/{id}/moments/{moment}", Operator),
+    ("GET", "/api/v1/robots/{id}/support", Operator),
     ("PUT", "/api/v1/robots/{id}/maintenance", Operator),
     ("GET", "/api/v1/robots/{id}/shadow", Viewer),
     ("GET", "/api/v1/robots/{id}/deployments", Viewer),

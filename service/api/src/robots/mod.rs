@@ -13,6 +13,7 @@ mod manoeuvres;
 mod moments;
 mod recording;
 mod registration;
+mod support;
 mod top_view;
 
 use utoipa_axum::router::OpenApiRouter;
@@ -44,6 +45,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(recording::get_recording))
         .routes(routes!(moments::list_moments, moments::keep_moment))
         .routes(routes!(moments::get_moment))
+        .routes(routes!(support::get_support))
         .routes(routes!(connection::put_maintenance))
         .routes(routes!(events::list_events, events::post_event))
 }

@@ -27,6 +27,8 @@ pub(super) struct MomentsDocument {
     dropped: u64,
     /// Moments of all robots that could not be written since the service started.
     lost: u64,
+    /// Memory that the latest data of all robots take now, bytes.
+    memory_bytes: usize,
 }
 
 /// Returns the moments of a robot: the data of the minute before each change, fault, failed
@@ -56,6 +58,7 @@ pub(super) async fn list_moments(
         moments: moments,
         dropped: counts.dropped,
         lost: counts.lost,
+        memory_bytes: api.fleet.latest_data_bytes(),
     }))
 }
 
