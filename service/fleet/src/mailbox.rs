@@ -91,19 +91,18 @@ impl Queue {
     }
 
     fn drop_oldest_wheel_odometry(&mut self) {
-        if let Some(at) = self.items.iter().position(is_wheel_odometry) {
-            self.items.remove(at);
+        let at = self.items.iter().position(Item::is_wheel_odometry);
+        if let Some(Item::Message(message)) = at.and_then(|at| self.items.remove(at)) {
             self.wheel_odometry -= 1;
             self.counters.dropped_wheel_odometry += 1;
+            self.counters.dropped_drive_samples += message.drive_samples();
             self.progress.dropped += 1;
         }
     }
 
     /// True if the waiting items are to be processed at once.
     fn is_pressing(&self) -> bool {
-        self.notes > 0
-            || self.scans > TASK_ROUND_SCANS_MAX
-            || self.wheel_odometry > TASK_ROUND_WHEEL_ODOMETRY_MAX
+        self.notes > 0 || self.scans > 0 || self.wheel_odometry > TASK_ROUND_WHEEL_ODOMETRY_MAX
     }
 
     fn count_dropped_scan(&mut self) {
@@ -127,6 +126,10 @@ impl Queue {
     }
 
     fn push_scan(&mut self, message: Message) {
+        if !self.thinning.accepts(self.scans) {
+            self.count_dropped_scan();
+            return;
+        }
         if self.scans >= MAILBOX_SCANS_MAX {
             self.drop_oldest_scan();
         }

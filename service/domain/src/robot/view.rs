@@ -84,8 +84,14 @@ pub struct Counters {
     pub received: u64,
     /// Messages processed by the estimator.
     pub processed: u64,
-    /// Drive samples dropped because the mailbox was full.
+    /// Drive samples in the processed messages.
+    #[serde(default)]
+    pub drive_samples: u64,
+    /// Messages of wheel odometry dropped because the mailbox was full.
     pub dropped_wheel_odometry: u64,
+    /// Drive samples in those messages.
+    #[serde(default)]
+    pub dropped_drive_samples: u64,
     /// Scans and poses dropped because the mailbox was full.
     pub dropped_scans: u64,
     /// Notes dropped because the mailbox was full.

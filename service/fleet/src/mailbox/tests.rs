@@ -24,6 +24,7 @@ fn taken(mailbox: &Mailbox) -> Vec<(Stream, u32)> {
             all.push((message.stream, u32::from_le_bytes(bytes)));
             mailbox.finish(Outcome::Processed {
                 stamp_ns: RobotTime(1),
+                drive_samples: 0,
             });
         }
     }
