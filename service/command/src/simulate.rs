@@ -221,9 +221,10 @@ async fn drive(
         trusted,
         start_stamp_ns: clock.now().0,
         rate: arguments.rate,
-        drive_messages: match arguments.single_samples {
-            true => DriveMessages::Single,
-            false => DriveMessages::Several,
+        drive_messages: if arguments.single_samples {
+            DriveMessages::Single
+        } else {
+            DriveMessages::Several
         },
     };
     let stop = CancellationToken::new();

@@ -1,8 +1,9 @@
 //! A robot's bounded mailbox: one queue in the order of arrival, dropped in a fixed order.
 //!
 //! At most [`fleetcal_domain::limits::MAILBOX_SCANS_MAX`] scans wait; a further one pushes the
-//! oldest out. A drive sample that finds the mailbox full pushes out the oldest scan, and only when
-//! there is none the oldest drive sample. Nothing is lost without being counted.
+//! oldest out. Before that, a robot whose scans wait has an even share of them ([`thinning`]). A
+//! drive sample that finds the mailbox full pushes out the oldest scan, and only when there is none
+//! the oldest drive sample. Nothing is lost without being counted.
 //!
 //! Where several instances carry the fleet, a robot's messages are kept for a task that is to begin
 //! here while another instance still has the robot; more of them, since nobody works them off.
@@ -11,13 +12,14 @@ mod heard;
 mod message;
 #[cfg(test)]
 mod tests;
+mod thinning;
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use fleetcal_domain::limits::{
     HEARD_BYTES_MAX, MAILBOX_NOTES_MAX, MAILBOX_SCANS_MAX, MAILBOX_WHEEL_ODOMETRY_MAX,
-    REFUSAL_CHARS_MAX, TASK_ROUND_SCANS_MAX, TASK_ROUND_WHEEL_ODOMETRY_MAX,
+    REFUSAL_CHARS_MAX, TASK_ROUND_WHEEL_ODOMETRY_MAX,
 };
 use fleetcal_domain::robot::Counters;
 use fleetcal_model::Stream;
@@ -25,6 +27,7 @@ use fleetcal_proto::progress::Progress;
 use tokio::sync::Notify;
 
 use heard::{Class, Heard};
+use thinning::Thinning;
 
 use crate::notes::Noted;
 
@@ -40,6 +43,7 @@ struct Queue {
     wheel_odometry: usize,
     scans: usize,
     notes: usize,
+    thinning: Thinning,
     /// Part of `items` that was received before the task began.
     heard: Heard,
     in_hand: Option<InHand>,
@@ -71,13 +75,6 @@ fn is_scan(item: &Item) -> bool {
             stream: Stream::Scan | Stream::LidarOdometry,
             ..
         })
-    )
-}
-
-fn is_wheel_odometry(item: &Item) -> bool {
-    matches!(
-        item,
-        Item::Message(Message { stream, .. }) if stream.is_wheel_odometry()
     )
 }
 
@@ -410,6 +407,11 @@ impl Mailbox {
         }
     }
 
+    /// True if part of the scans is left out, because the task is behind.
+    pub fn is_thinning(&self) -> bool {
+        self.lock().thinning.is_thinning()
+    }
+
     /// Returns the progress of the task.
     pub fn progress(&self) -> Progress {
         self.lock().progress
@@ -472,8 +474,12 @@ impl Mailbox {
 impl Queue {
     fn count_outcome(&mut self, stream: Stream, outcome: Outcome) {
         match outcome {
-            Outcome::Processed { stamp_ns } => {
+            Outcome::Processed {
+                stamp_ns,
+                drive_samples,
+            } => {
                 self.counters.processed += 1;
+                self.counters.drive_samples += drive_samples;
                 self.progress.stamp_ns = self.progress.stamp_ns.max(stamp_ns);
                 match stream {
                     Stream::WheelOdometry | Stream::Steering | Stream::Speed => {

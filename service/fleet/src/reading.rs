@@ -224,11 +224,18 @@ impl Message<'_> {
                 let message: DriveSamples = self.decoded()?;
                 Sighting::of_samples(message.samples())
             }
-            Stream::WheelOdometry => {
-                let (header, steering) = self.sent_steering(of)?;
-                let (_, speed) = self.sent_speed(of)?;
-                Sighting::of_wheels(&header, Some(speed), Some(steering))
+            Stream::WheelOdometry if of == MessageType::JointState => {
+                let message: JointState = self.decoded()?;
+                let (speed, steering) = (self.speed_of(&message)?, self.steering_of(&message)?);
+                Sighting::of_wheels(&message.header, Some(speed), Some(steering))
             }
+            Stream::WheelOdometry if of == MessageType::AckermannDriveStamped => {
+                let message: AckermannDriveStamped = self.decoded()?;
+                let drive = message.drive;
+                let (speed, steering) = (drive.speed.into(), drive.steering_angle.into());
+                Sighting::of_wheels(&message.header, Some(speed), Some(steering))
+            }
+            Stream::WheelOdometry => return Err(MessageRefused::of_type(self.stream, of)),
             Stream::Scan if of == MessageType::LaserScan => {
                 let message: LaserScan = self.decoded()?;
                 let scan_time_s = f64::from(message.scan_time);

@@ -31,6 +31,7 @@ mod moves;
 mod notes;
 mod restarts;
 mod senders;
+mod shares;
 
 use crate::live::LiveUpdate;
 
