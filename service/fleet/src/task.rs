@@ -204,7 +204,7 @@ impl RobotTask {
     fn take_and_count(&mut self, message: &Message) {
         let began = self.fleet.clock.elapsed();
         let outcome = self.take_message(message);
-        self.fleet.took(message.stream, began);
+        self.fleet.took(message, began);
         if let Outcome::Refused(reason) = &outcome {
             tracing::debug!(robot.id = %self.robot.id, reason, "message refused");
         }

@@ -2,8 +2,8 @@
 //!
 //! A scan costs a hundred times what a drive sample does, and LiDAR odometry goes on with fewer
 //! scans as long as they come evenly. So a robot that falls behind has every second of its scans
-//! processed, or every third, and the others are dropped before they are copied or decoded. Tasks
-//! have equal turns, so robots have equal shares. One that has caught up has more of them again.
+//! processed, or every third, and the others are dropped before they wait or are decoded. Tasks have
+//! equal turns, so robots have equal shares. One that has caught up has more of them again.
 
 use fleetcal_domain::limits::{MAILBOX_SCANS_BEHIND, SCAN_STRIDE_MAX};
 
