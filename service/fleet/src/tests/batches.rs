@@ -67,7 +67,7 @@ fn sent(sending: Sending) -> Vec<Sent> {
                     form: Encoding::Cdr.into(),
                     arrival_ns,
                     payload: drive_message(&drive).unwrap().to_cdr(),
-                })
+                });
             }
             SimulatedMessage::WheelOdometry(drive) => {
                 let full = batch.add(&drive).unwrap();
