@@ -4,6 +4,7 @@
 //! physically is checked where it is used, not here.
 
 mod ackermann;
+mod drive_samples;
 mod float64;
 mod header;
 mod joint_state;
@@ -17,6 +18,9 @@ mod tf_message;
 mod twist_stamped;
 
 pub use ackermann::{AckermannDrive, AckermannDriveStamped};
+pub use drive_samples::{
+    DRIVE_SAMPLES_MAX, DRIVE_SAMPLES_SPAN_MAX_NS, DriveSamples, MeasuredDrive, SamplesRefused,
+};
 pub use float64::Float64;
 pub use header::{Header, Time};
 pub use joint_state::JointState;
