@@ -62,7 +62,7 @@ export function nextStep(
   }
   const asked = ASKED[standing];
   if (asked) return step(asked, page);
-  if (away !== '') return step(away, page);
+  if (away !== '') return step(away);
   if (progress !== '') return step(progress);
   const wanted = needs(robot);
   if (wanted.length > 0) {
