@@ -125,7 +125,11 @@ impl Snapshot {
             }
         }
         let own = robots.iter().filter(|robot| api.membership.has(&robot.id));
-        let own: Vec<_> = own.map(RobotFigures::of).collect();
+        let own = own.map(|robot| {
+            let ledger = api.lifecycle.ledger(&robot.id);
+            RobotFigures::of(robot, standings.deviation(robot, &ledger))
+        });
+        let own: Vec<_> = own.collect();
         let snapshot = Self {
             build: api.build,
             started_s: api.started_ns.0 as f64 / 1e9,

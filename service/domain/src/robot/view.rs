@@ -13,7 +13,18 @@ use super::config::RobotConfig;
 
 /// State of a robot, in one word.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, IntoStaticStr,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    IntoStaticStr,
+    VariantArray,
 )]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
@@ -34,6 +45,9 @@ pub enum RobotState {
 }
 
 impl RobotState {
+    /// Every state.
+    pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
+
     /// The name in documents.
     pub fn name(self) -> &'static str {
         self.into()
