@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::encoding::{DecodeError, Encoding};
 use crate::ros::{
-    AckermannDriveStamped, JointState, LaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
-    TwistStamped,
+    AckermannDriveStamped, DriveSamples, JointState, LaserScan, Odometry, PointCloud2, PoseStamped,
+    RosMessage, TwistStamped,
 };
 
 /// ROS 2 message types of a robot's streams.
@@ -17,6 +17,9 @@ pub enum MessageType {
     /// Speed and steering in one.
     #[serde(rename = "ackermann_msgs/msg/AckermannDriveStamped")]
     AckermannDriveStamped,
+    /// Several measurements of speed and steering.
+    #[serde(rename = "fleetcal_msgs/msg/DriveSamples")]
+    DriveSamples,
     /// Steering and wheels as joints.
     #[serde(rename = "sensor_msgs/msg/JointState")]
     JointState,
@@ -39,8 +42,9 @@ pub enum MessageType {
 
 impl MessageType {
     /// All message types.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::AckermannDriveStamped,
+        Self::DriveSamples,
         Self::JointState,
         Self::Odometry,
         Self::TwistStamped,
@@ -50,7 +54,11 @@ impl MessageType {
     ];
 
     /// Message types with steering and speed in one, the usual one first.
-    pub const OF_WHEEL_ODOMETRY: &'static [Self] = &[Self::AckermannDriveStamped, Self::JointState];
+    pub const OF_WHEEL_ODOMETRY: &'static [Self] = &[
+        Self::AckermannDriveStamped,
+        Self::JointState,
+        Self::DriveSamples,
+    ];
     /// Message types with a steering angle.
     pub const OF_STEERING: &'static [Self] = &[Self::JointState, Self::AckermannDriveStamped];
     /// Message types with a speed.
@@ -69,6 +77,7 @@ impl MessageType {
     pub const fn ros_type(self) -> &'static str {
         match self {
             Self::AckermannDriveStamped => AckermannDriveStamped::TYPE,
+            Self::DriveSamples => DriveSamples::TYPE,
             Self::JointState => JointState::TYPE,
             Self::Odometry => Odometry::TYPE,
             Self::TwistStamped => TwistStamped::TYPE,

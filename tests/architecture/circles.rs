@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 32] = [
+pub const CRATES: [Member; 33] = [
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),
@@ -105,6 +105,7 @@ pub const CRATES: [Member; 32] = [
         "service/link",
         "clock cluster domain fleet model operations proto",
     ),
+    member("fleetcal-view", "service/view", "domain model"),
     member("fleetcal-http", "service/http", "clock domain"),
     member(
         "fleetcal-requests",
@@ -119,7 +120,8 @@ pub const CRATES: [Member; 32] = [
     member(
         "fleetcal-api",
         "service/api",
-        "certificate clock cluster domain estimator fleet http metrics model moments operations proto requests store support",
+        "certificate clock cluster domain estimator fleet http metrics model moments operations proto requests store \
+         support view",
     ),
     member(
         "fleetcal-config",

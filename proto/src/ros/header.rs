@@ -22,6 +22,7 @@ pub struct Time {
 }
 
 impl Time {
+    /// Reads a time; its two fields have these names.
     pub(super) fn read(
         reader: &mut CdrReader<'_>,
         sec: &'static str,

@@ -4,6 +4,7 @@
 //! physically is checked where it is used, not here.
 
 mod ackermann;
+mod drive_samples;
 mod estimate;
 mod float64;
 mod header;
@@ -19,6 +20,9 @@ mod tf_message;
 mod twist_stamped;
 
 pub use ackermann::{AckermannDrive, AckermannDriveStamped};
+pub use drive_samples::{
+    DRIVE_SAMPLES_MAX, DRIVE_SAMPLES_SPAN_MAX_NS, DriveSamples, MeasuredDrive, SamplesRefused,
+};
 pub use estimate::{Estimate, ParameterEstimate};
 pub use float64::Float64;
 pub use header::{Header, Time};
