@@ -97,6 +97,7 @@ impl MessageType {
         }
         let cdr = match self {
             Self::AckermannDriveStamped => AckermannDriveStamped::from_json(payload)?.to_cdr(),
+            Self::DriveSamples => DriveSamples::from_json(payload)?.to_cdr(),
             Self::JointState => JointState::from_json(payload)?.to_cdr(),
             Self::Odometry => Odometry::from_json(payload)?.to_cdr(),
             Self::TwistStamped => TwistStamped::from_json(payload)?.to_cdr(),
