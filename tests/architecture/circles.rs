@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 33] = [
+pub const CRATES: [Member; 34] = [
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),
@@ -56,6 +56,11 @@ pub const CRATES: [Member; 33] = [
     member(
         "fleetcal-certificate",
         "service/certificate",
+        "domain model proto",
+    ),
+    member(
+        "fleetcal-documents",
+        "service/documents",
         "domain model proto",
     ),
     member("fleetcal-cluster", "service/cluster", "domain model proto"),
@@ -120,7 +125,7 @@ pub const CRATES: [Member; 33] = [
     member(
         "fleetcal-api",
         "service/api",
-        "certificate clock cluster domain estimator fleet http metrics model moments operations proto requests store \
+        "certificate clock cluster documents domain estimator fleet http metrics model moments operations proto requests store \
          support view",
     ),
     member(

@@ -191,24 +191,6 @@ pub const TOP_VIEW_SURFACES_MAX: usize = 4_096;
 pub const TOP_VIEW_TRAJECTORY_M: f64 = 20.0;
 /// Points of each trajectory in a top view.
 pub const TOP_VIEW_TRAJECTORY_POINTS_MAX: usize = 200;
-/// Recordings of robots that are made at once.
-pub const RECORDINGS_MAX: usize = 8;
-/// Items that wait for the writer of a recording.
-pub const RECORDING_WAITING_MAX: usize = 4_096;
-/// Bytes of the robot's messages that wait for the writer of a recording.
-pub const RECORDING_WAITING_BYTES_MAX: usize = 16 * 1024 * 1024;
-/// Longest recording of a robot, s.
-pub const RECORDING_DURATION_MAX_S: u32 = 3_600;
-/// Default length of a recording of a robot, s.
-pub const RECORDING_DURATION_DEFAULT_S: u32 = 60;
-/// Size at which a recording ends, bytes.
-pub const RECORDING_BYTES_MAX: u64 = 1024 * 1024 * 1024;
-/// Pieces of a recording that wait for the client that fetches it.
-pub const RECORDING_PIECES_WAITING_MAX: usize = 4;
-/// Stall after which a download is aborted.
-pub const RECORDING_STALLED_AFTER: Duration = Duration::from_secs(30);
-/// Time within which the client has to receive the rest of a recording after its end.
-pub const RECORDING_REST_TAKEN_WITHIN: Duration = Duration::from_secs(30);
 /// Restarts of an estimator after panics, beyond which it stays stopped.
 pub const ESTIMATOR_RESTARTS_MAX: u32 = 10;
 

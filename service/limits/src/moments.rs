@@ -1,4 +1,4 @@
-//! Limits of the latest data of robots: in memory, and on disk as moments.
+//! Limits of recordings of robots: live ones, and the latest data in memory and on disk as moments.
 
 use std::time::Duration;
 
@@ -24,3 +24,21 @@ pub const MOMENTS_OF_ROBOT_MAX: usize = 20;
 pub const MOMENTS_DISK_BYTES_OF_ROBOT_MAX: u64 = 64 * 1024 * 1024;
 /// Size of all moments on disk, bytes; then the robot that takes most loses its oldest.
 pub const MOMENTS_DISK_BYTES_MAX: u64 = 1024 * 1024 * 1024;
+/// Recordings of robots that are made at once.
+pub const RECORDINGS_MAX: usize = 8;
+/// Items that wait for the writer of a recording.
+pub const RECORDING_WAITING_MAX: usize = 4_096;
+/// Bytes of the robot's messages that wait for the writer of a recording.
+pub const RECORDING_WAITING_BYTES_MAX: usize = 16 * 1024 * 1024;
+/// Longest recording of a robot, s.
+pub const RECORDING_DURATION_MAX_S: u32 = 3_600;
+/// Default length of a recording of a robot, s.
+pub const RECORDING_DURATION_DEFAULT_S: u32 = 60;
+/// Size at which a recording ends, bytes.
+pub const RECORDING_BYTES_MAX: u64 = 1024 * 1024 * 1024;
+/// Pieces of a recording that wait for the client that fetches it.
+pub const RECORDING_PIECES_WAITING_MAX: usize = 4;
+/// Stall after which a download is aborted.
+pub const RECORDING_STALLED_AFTER: Duration = Duration::from_secs(30);
+/// Time within which the client has to receive the rest of a recording after its end.
+pub const RECORDING_REST_TAKEN_WITHIN: Duration = Duration::from_secs(30);
