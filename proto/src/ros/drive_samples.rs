@@ -152,7 +152,7 @@ impl RosMessage for DriveSamples {
         };
         let samples = reader.sequence("samples", SAMPLE_BYTES, DRIVE_SAMPLES_MAX, read)?;
         reader.finish("samples")?;
-        Ok(Self::new(samples)?)
+        Self::new(samples).map_err(|refused| CdrError::Contents(refused.to_string()))
     }
 
     fn write(&self, writer: &mut CdrWriter) {
