@@ -1,5 +1,7 @@
 //! Type of a payload's ROS 2 message, and its spellings.
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
 use crate::encoding::{DecodeError, Encoding};
@@ -83,6 +85,27 @@ impl MessageType {
             Self::LaserScan => LaserScan::TYPE,
             Self::PointCloud2 => PointCloud2::TYPE,
         }
+    }
+
+    /// Returns a payload in CDR: unchanged if it is, converted from JSON otherwise.
+    ///
+    /// # Errors
+    /// The JSON is not such a message.
+    pub fn to_cdr(self, encoding: Encoding, payload: &[u8]) -> Result<Cow<'_, [u8]>, DecodeError> {
+        if encoding == Encoding::Cdr {
+            return Ok(Cow::Borrowed(payload));
+        }
+        let cdr = match self {
+            Self::AckermannDriveStamped => AckermannDriveStamped::from_json(payload)?.to_cdr(),
+            Self::DriveSamples => DriveSamples::from_json(payload)?.to_cdr(),
+            Self::JointState => JointState::from_json(payload)?.to_cdr(),
+            Self::Odometry => Odometry::from_json(payload)?.to_cdr(),
+            Self::TwistStamped => TwistStamped::from_json(payload)?.to_cdr(),
+            Self::PoseStamped => PoseStamped::from_json(payload)?.to_cdr(),
+            Self::LaserScan => LaserScan::from_json(payload)?.to_cdr(),
+            Self::PointCloud2 => PointCloud2::from_json(payload)?.to_cdr(),
+        };
+        Ok(Cow::Owned(cdr))
     }
 
     /// Returns its name in the keys of `rmw_zenoh`, `sensor_msgs::msg::dds_::LaserScan_`.

@@ -1,8 +1,14 @@
 //! Every limit of the service: queues, caches, bodies, waits. One name each, all in one place.
 
+mod moments;
+mod support;
+
 use std::time::Duration;
 
 use fleetcal_model::Stream;
+
+pub use moments::*;
+pub use support::*;
 
 /// Largest message that the Zenoh transport assembles, in bytes: the largest payload, its key and
 /// its attachment. A session can leave one unfinished on its reliable and one on its other channel.
