@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 30] = [
+pub const CRATES: [Member; 31] = [
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),
@@ -142,8 +142,9 @@ pub const CRATES: [Member; 30] = [
 
 /// Largest number of lines of a crate of the service, tests left out. It is a size at which to look
 /// for a border, and no border by itself: 8,500 would have cut routes from the documents that they
-/// answer with, and decisions about proposals from those about alerts.
-const SERVICE_CRATE_LINES_MAX: usize = 9_500;
+/// answer with, and decisions about proposals from those about alerts; 9,500 the deviation of a robot
+/// from its standing, which are computed from the same four parts.
+const SERVICE_CRATE_LINES_MAX: usize = 10_000;
 
 /// Returns the texts of the files below a folder with one of `endings`, by their paths below it.
 fn texts(folder: &Path, endings: &[&str]) -> BTreeMap<String, String> {
