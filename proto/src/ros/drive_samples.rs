@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{RosMessage, Time, header, serde_forms};
+use super::{RosMessage, Time, serde_forms};
 use crate::cdr::{CdrError, CdrReader, CdrWriter};
 
 /// Most drive samples in one message: 100 ms of them at 250 Hz.
@@ -145,7 +145,7 @@ impl RosMessage for DriveSamples {
     fn read(mut reader: CdrReader<'_>) -> Result<Self, CdrError> {
         let read = |reader: &mut CdrReader<'_>| {
             Ok(MeasuredDrive {
-                stamp: header::read_time(reader, "samples.stamp.sec", "samples.stamp.nanosec")?,
+                stamp: Time::read(reader, "samples.stamp.sec", "samples.stamp.nanosec")?,
                 steering_angle: reader.f32("samples.steering_angle")?,
                 speed: reader.f32("samples.speed")?,
             })
