@@ -20,8 +20,8 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::ApiState;
-use super::cookie::CookiePolicy;
-use super::password::PasswordWork;
+use crate::cookie::CookiePolicy;
+use crate::password::PasswordWork;
 use fleetcal_http::{CallerWrites, PublicUrl, SignInLimits};
 
 pub(super) use caller::{Caller, permission_ended};
