@@ -154,6 +154,7 @@ impl Service {
             access: AccessSetup {
                 public_url: config.public_url.clone(),
             },
+            security_contacts: config.security_contacts.clone(),
             connections: connections.clone(),
             membership,
             peers,
