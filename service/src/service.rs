@@ -369,7 +369,7 @@ async fn start_workers(
     clock: &SharedClock,
 ) -> Result<Workers, ServiceError> {
     let draw = || entropy::secret().map_err(|error| std::io::Error::other(error.to_string()));
-    let (key, key_is_new) = match &config.cluster.signing_key {
+    let (keys, key_is_new) = match &config.cluster.signing_key {
         Some(path) => signing_key::load_or_make_at(path, draw)?,
         None => signing_key::load_or_make(&config.data, draw)?,
     };
@@ -378,7 +378,7 @@ async fn start_workers(
         fleet: fleet.clone(),
         clock: Arc::clone(clock),
         policy: config.approval,
-        key,
+        keys,
         membership: membership.clone(),
     })
     .await?;

@@ -68,7 +68,7 @@ pub const CRATES: [Member; 30] = [
         "service/sql",
         "cluster domain model proto store",
     ),
-    member("fleetcal-folder", "service/folder", "proto store"),
+    member("fleetcal-folder", "service/folder", "model proto store"),
     member(
         "fleetcal-sqlite",
         "service/sqlite",

@@ -10,6 +10,7 @@ mod described;
 mod folder;
 mod hostile;
 mod json_schema;
+mod keys;
 mod openapi;
 mod rest;
 mod robot_recording;

@@ -18,6 +18,7 @@ use thiserror::Error;
 use crate::audit_head::AuditHeadDocument;
 use crate::calibration::{CalibrationDocument, ConfirmationDocument, Confirmed, Envelope};
 use crate::certificate::CertificateDocument;
+use crate::key_change::KeyChangeDocument;
 use crate::offer::{OfferDocument, Offered};
 
 /// Largest envelope that is read, bytes.
@@ -60,7 +61,8 @@ impl fmt::Debug for SigningKey {
 }
 
 /// Public half of a key, which robots are provisioned with once. Written as base64.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct PublicKey(ed25519_dalek::VerifyingKey);
 
 /// Reason for which a text is not a public key.
@@ -111,6 +113,20 @@ impl FromStr for PublicKey {
     }
 }
 
+impl TryFrom<String> for PublicKey {
+    type Error = PublicKeyRefused;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        text.parse()
+    }
+}
+
+impl From<PublicKey> for String {
+    fn from(key: PublicKey) -> Self {
+        key.to_string()
+    }
+}
+
 /// Keys whose signatures are trusted, at least one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TrustedKeys(Vec<PublicKey>);
@@ -140,6 +156,18 @@ impl TrustedKeys {
     pub fn ids(&self) -> String {
         let ids: Vec<String> = self.0.iter().map(PublicKey::id).collect();
         ids.join(", ")
+    }
+
+    /// Returns the keys.
+    pub fn keys(&self) -> impl Iterator<Item = &PublicKey> {
+        self.0.iter()
+    }
+
+    /// Trusts one key more.
+    #[must_use]
+    pub(crate) fn and(mut self, key: PublicKey) -> Self {
+        self.0.push(key);
+        self
     }
 
     fn find(&self, id: &str) -> Option<&PublicKey> {
@@ -195,6 +223,10 @@ impl Statement for ConfirmationDocument {
 
 impl Statement for CertificateDocument {
     const SCHEMA: &'static str = "fleetcal.certificate/1";
+}
+
+impl Statement for KeyChangeDocument {
+    const SCHEMA: &'static str = "fleetcal.key_change/1";
 }
 
 impl Statement for AuditHeadDocument {
@@ -296,6 +328,17 @@ pub enum EnvelopeRefused {
 }
 
 impl Envelope {
+    /// Signs the same bytes with another key.
+    #[must_use]
+    pub fn signed_again(&self, key: &SigningKey) -> Self {
+        Self {
+            document: self.document.clone(),
+            sha256: self.sha256.clone(),
+            key_id: key.public_key().id(),
+            signature: BASE64.encode(key.0.sign(self.document.as_bytes()).to_bytes()),
+        }
+    }
+
     /// Reads an envelope without opening it.
     ///
     /// # Errors
@@ -388,6 +431,11 @@ impl Confirmed {
 #[derive(Deserialize)]
 struct SchemaAlone {
     schema: serde_json::Value,
+}
+
+/// Reads a document before it is opened, for the name of the key that it should be opened with.
+pub(crate) fn read_text<T: Statement>(document: &str) -> Result<T, EnvelopeRefused> {
+    read_document(document.as_bytes())
 }
 
 fn read_document<T: Statement>(bytes: &[u8]) -> Result<T, EnvelopeRefused> {

@@ -2,7 +2,7 @@
 
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
@@ -32,7 +32,7 @@ impl RobotSession {
         config: &ClientConfig,
         keys: &Keys,
         robot: &RobotId,
-        trusted: Option<&TrustedKeys>,
+        trusted: Option<watch::Receiver<TrustedKeys>>,
         stop: &CancellationToken,
     ) -> Result<Option<(Self, mpsc::Receiver<Event>)>, SessionError> {
         let Some(session) = config.open(robot, stop).await? else {

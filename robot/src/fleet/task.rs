@@ -9,7 +9,7 @@ use fleetcal_proto::event::CrossTrackError;
 use fleetcal_proto::ros::StringMessage;
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Keys, RobotId, RosMessage, StreamKind};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
@@ -20,7 +20,7 @@ use super::message::{StampRefused, drive_message, lidar_pose_message, scan_messa
 use super::robots::SimulatedRobot;
 use super::session::RobotSession;
 use super::{FleetError, RobotSummary};
-use crate::agent::{Activation, Agent, Effect, Event, HookAnswer, Outcome, PULL_PERIOD};
+use crate::agent::{Activation, Agent, Effect, Event, HookAnswer, Outcome, PULL_PERIOD, follow};
 use crate::session::ClientConfig;
 use crate::simulator::{Emitted, SimulatedMessage, Simulation};
 
@@ -59,7 +59,9 @@ pub(super) async fn run(
 ) -> Result<RobotSummary, FleetError> {
     let id = robot.id.clone();
     let data = description::urdf(&robot);
-    let opened = RobotSession::open(client, keys, &id, trusted, &stop).await?;
+    let trusted_now = trusted.map(|trusted| watch::Sender::new(trusted.clone()));
+    let followed = trusted_now.as_ref().map(watch::Sender::subscribe);
+    let opened = RobotSession::open(client, keys, &id, followed, &stop).await?;
     robot.config.start_stamp_ns = epoch.now().0;
     let agent = trusted.map(|trusted| {
         let nominal = robot.config.applied;
@@ -84,6 +86,7 @@ pub(super) async fn run(
         simulation,
         next,
         agent,
+        trusted_now,
         session,
         description: StringMessage { data }.to_cdr(),
         epoch,
@@ -100,6 +103,8 @@ struct Driver {
     next: Emitted,
     /// Agent, taken out while it is at work; `None` for a robot without trusted keys.
     agent: Option<Agent>,
+    /// Keys that the agent trusts, for the link.
+    trusted_now: Option<watch::Sender<TrustedKeys>>,
     session: RobotSession,
     /// Its description, CDR.
     description: Vec<u8>,
@@ -212,7 +217,11 @@ impl Driver {
         };
         let mut events = VecDeque::from([event]);
         while let Some(event) = events.pop_front() {
-            for effect in agent.step(event, self.epoch.now())? {
+            let effects = agent.step(event, self.epoch.now())?;
+            if let Some(trusted) = &self.trusted_now {
+                follow(trusted, &agent);
+            }
+            for effect in effects {
                 events.extend(self.perform(effect).await?);
             }
         }

@@ -128,7 +128,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         fleet: fleet.clone(),
         clock: clock.clone(),
         policy: Policy::default(),
-        key: SigningKey::from_bytes(&[7; 32]),
+        keys: SigningKey::from_bytes(&[7; 32]).into(),
         membership: Membership::alone(),
     })
     .await
