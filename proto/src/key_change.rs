@@ -13,7 +13,7 @@ use thiserror::Error;
 
 use crate::calibration::Envelope;
 use crate::signing::{
-    EnvelopeRefused, PublicKey, SealRefused, SigningKey, TrustedKeys, read_text, sign,
+    EnvelopeRefused, PublicKey, SealRefused, SigningKey, Statement, TrustedKeys, read_text, sign,
 };
 
 /// Most changes that are kept: those before them are dropped first.
@@ -44,6 +44,10 @@ pub struct KeyChangeDocument {
     /// Time for which the former key is accepted beside the new one, s: by the service's clock from
     /// the change on, by a robot's from the moment at which it takes the new key over.
     pub former_accepted_s: u32,
+}
+
+impl Statement for KeyChangeDocument {
+    const SCHEMA: &'static str = "fleetcal.key_change/1";
 }
 
 impl KeyChangeDocument {

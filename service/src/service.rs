@@ -14,7 +14,7 @@ use fleetcal_domain::robot::{CrossTrack, RobotConfig};
 use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_folder::signing_key::{self, KeyError};
 use fleetcal_http::Connections;
-use fleetcal_http::PublicUrl;
+use fleetcal_http::{PublicUrl, SecurityContacts};
 use fleetcal_link::{Link, LinkError, LinkSetup, SessionMemory, Shares};
 use fleetcal_model::{AuditId, Generation, WallTime};
 use fleetcal_operations::accounts::KeepSetupCode;
@@ -154,7 +154,7 @@ impl Service {
             access: AccessSetup {
                 public_url: config.public_url.clone(),
             },
-            security_contacts: config.security_contacts.clone(),
+            security_contacts: security_contacts(&config),
             connections: connections.clone(),
             membership,
             peers,
@@ -247,6 +247,14 @@ impl Service {
             tracing::error!(%error, "the HTTP server failed");
         }
         closed
+    }
+}
+
+/// Makes the contents of `security.txt`.
+fn security_contacts(config: &Config) -> SecurityContacts {
+    SecurityContacts {
+        contacts: config.security_contacts.clone(),
+        url: config.public_url.clone(),
     }
 }
 

@@ -18,7 +18,6 @@ use thiserror::Error;
 use crate::audit_head::AuditHeadDocument;
 use crate::calibration::{CalibrationDocument, ConfirmationDocument, Confirmed, Envelope};
 use crate::certificate::CertificateDocument;
-use crate::key_change::KeyChangeDocument;
 use crate::offer::{OfferDocument, Offered};
 
 /// Largest envelope that is read, bytes.
@@ -223,10 +222,6 @@ impl Statement for ConfirmationDocument {
 
 impl Statement for CertificateDocument {
     const SCHEMA: &'static str = "fleetcal.certificate/1";
-}
-
-impl Statement for KeyChangeDocument {
-    const SCHEMA: &'static str = "fleetcal.key_change/1";
 }
 
 impl Statement for AuditHeadDocument {

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 const FORMER_ACCEPTED_MAX_S: u32 = 366 * 86_400;
 
 /// Keys of an agent that has taken a change of key over. With other `--service-key` values the
-/// agent begins anew: they are its owner's latest word.
+/// agent begins again: they are its owner's latest word.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeyRing {

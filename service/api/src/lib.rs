@@ -22,7 +22,6 @@ mod metrics;
 mod request_head;
 mod robots;
 mod rows;
-mod security_txt;
 mod serving;
 mod standings;
 mod stream;
@@ -39,7 +38,7 @@ use axum::response::Response;
 use fleetcal_clock::SharedClock;
 use fleetcal_cluster::Membership;
 use fleetcal_fleet::FleetHandle;
-use fleetcal_http::{Connections, Exports, PublicUrl, SecurityContact, host};
+use fleetcal_http::{Connections, Exports, SecurityContacts, host};
 use fleetcal_metrics::RequestDurations;
 use fleetcal_model::WallTime;
 use fleetcal_operations::alert_evaluator::AlertEvaluator;
@@ -101,7 +100,7 @@ pub struct ApiSetup {
     /// Settings of the access.
     pub access: AccessSetup,
     /// Contacts for reports of vulnerabilities.
-    pub security_contacts: Vec<SecurityContact>,
+    pub security_contacts: SecurityContacts,
     /// Connections of [`serve`].
     pub connections: Connections,
     /// Token that ends the event streams; the other requests end with [`serve`].
@@ -130,8 +129,7 @@ struct ApiState {
     connections: Connections,
     ready: ReadyProbe,
     access: AccessState,
-    public_url: Option<PublicUrl>,
-    security_contacts: Vec<SecurityContact>,
+    security_contacts: SecurityContacts,
 }
 
 impl ApiState {
@@ -155,7 +153,6 @@ impl ApiState {
             connections: setup.connections,
             ready: ReadyProbe::default(),
             access: AccessState::new(&setup.access),
-            public_url: setup.access.public_url,
             security_contacts: setup.security_contacts,
         }
     }
@@ -258,7 +255,7 @@ fn documented() -> OpenApiRouter<ApiState> {
         .routes(routes!(health::healthz))
         .routes(routes!(health::readyz))
         .routes(routes!(metrics::metrics))
-        .routes(routes!(security_txt::security_txt))
+        .routes(routes!(health::security_txt))
         .layer(middleware::from_fn(layers::in_time));
     OpenApiRouter::with_openapi(Document::openapi())
         .nest("/api/v1", timed.merge(stream::routes()))

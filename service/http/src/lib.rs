@@ -31,7 +31,7 @@ pub use instances::{InstanceAddresses, is_forwarded};
 pub use progress::WritePatience;
 pub use public_url::PublicUrl;
 pub use refusal::Turned;
-pub use security_contact::SecurityContact;
+pub use security_contact::{SecurityContact, SecurityContacts};
 pub use server::{LocalAddress, Served, Serving, serve};
 pub use shares::{Share, Shares};
 pub use sign_in::{SignInLimits, Whose};

@@ -2,6 +2,8 @@
 
 use serde::Deserialize;
 
+use crate::PublicUrl;
+
 /// Longest address of a contact, bytes.
 const CONTACT_BYTES_MAX: usize = 256;
 
@@ -36,9 +38,58 @@ impl TryFrom<String> for SecurityContact {
     }
 }
 
+/// Contacts of an installation, and its address.
+#[derive(Debug, Clone, Default)]
+pub struct SecurityContacts {
+    /// The contacts, the preferred one first.
+    pub contacts: Vec<SecurityContact>,
+    /// Public address of the service.
+    pub url: Option<PublicUrl>,
+}
+
+impl SecurityContacts {
+    /// Returns the text of `security.txt` (RFC 9116), which counts until `expires`, RFC 3339; `None`
+    /// without a contact.
+    pub fn text(&self, expires: &str) -> Option<String> {
+        if self.contacts.is_empty() {
+            return None;
+        }
+        let contacts = self.contacts.iter();
+        let mut lines: Vec<String> = contacts
+            .map(|contact| format!("Contact: {}\n", contact.as_str()))
+            .collect();
+        lines.push(format!("Expires: {expires}\nPreferred-Languages: en\n"));
+        let url = self.url.iter().filter(|url| url.is_https());
+        lines.extend(
+            url.map(|url| format!("Canonical: {}/.well-known/security.txt\n", url.as_str())),
+        );
+        Some(lines.concat())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn security_txt_has_the_lines_of_its_standard() {
+        let contact = |text: &str| SecurityContact::try_from(text.to_owned()).unwrap();
+        let contacts = ["mailto:a@example.com", "https://example.com/report"].map(contact);
+        let of = |url: &str| SecurityContacts {
+            contacts: contacts.to_vec(),
+            url: PublicUrl::try_from(url.to_owned()).ok(),
+        };
+        let expires = "2027-01-01T00:00:00Z";
+        let written = of("https://fleetcal.example.com").text(expires).unwrap();
+        let expected = "Contact: mailto:a@example.com\nContact: https://example.com/report\n\
+                        Expires: 2027-01-01T00:00:00Z\nPreferred-Languages: en\n\
+                        Canonical: https://fleetcal.example.com/.well-known/security.txt\n";
+        assert_eq!(written, expected);
+        // A canonical address has to be https.
+        let plain = of("http://192.0.2.7:8080").text(expires).unwrap();
+        assert!(!plain.contains("Canonical"), "{plain}");
+        assert_eq!(SecurityContacts::default().text(expires), None);
+    }
 
     #[test]
     fn a_contact_is_one_uri_without_spaces_or_lines() {

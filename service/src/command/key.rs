@@ -57,7 +57,7 @@ struct KeyPlace {
     /// The service's data folder
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// The key's own file, as cluster.signing_key names it
+    /// The key's own file, as `cluster.signing_key` names it
     #[arg(long, value_name = "FILE")]
     signing_key: Option<PathBuf>,
 }

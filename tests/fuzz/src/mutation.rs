@@ -47,7 +47,7 @@ const WORDS: [&str; 24] = [
     "[[robot]]",
 ];
 
-/// Source of numbers (SplitMix64).
+/// Source of numbers (`SplitMix64`).
 #[derive(Debug, Clone)]
 pub struct Draw(u64);
 

@@ -38,7 +38,7 @@ use fleetcal_domain::approval::Policy;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_estimator::EstimatorSettings;
 use fleetcal_fleet::{FleetHandle, FleetSetup};
-use fleetcal_http::{PublicUrl, SecurityContact, TrustedProxies};
+use fleetcal_http::{SecurityContact, SecurityContacts, TrustedProxies};
 use fleetcal_model::WallTime;
 use fleetcal_operations::accounts::{KeepSetupCode, TokenChange, change_token};
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
@@ -153,7 +153,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         membership: Membership::alone(),
         peers: Peers::default(),
         access: AccessSetup { public_url: None },
-        security_contacts: Vec::new(),
+        security_contacts: SecurityContacts::default(),
         connections: Connections::new(clock.clone(), TrustedProxies::default()),
         stop: stop.clone(),
     };
