@@ -142,8 +142,7 @@ pub(super) async fn security_txt(
     let text = api
         .security_contacts
         .text(&crate::time::of(expires).to_string());
-    let none = "no security_contacts are configured";
-    text.ok_or_else(|| Problem::new(StatusCode::NOT_FOUND, "no_security_contacts", none))
+    text.ok_or_else(|| Problem::new(StatusCode::NOT_FOUND, "no_contacts", "none is configured"))
 }
 
 /// Checks that this program can use the database's schema; else returns the found one. Instances of

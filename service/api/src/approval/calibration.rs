@@ -119,8 +119,7 @@ pub(super) struct SigningKeyDocument {
     algorithm: &'static str,
     /// Base64 of the key's 32 bytes, for the agent's configuration.
     public_key: String,
-    /// Changes that led to this key, oldest first: signed texts of schema `fleetcal.key_change/1`,
-    /// each signed with the key that it ends.
+    /// Changes that led to this key, oldest first: texts of schema `fleetcal.key_change/1`.
     changes: Vec<Envelope>,
 }
 
