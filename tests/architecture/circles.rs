@@ -74,7 +74,7 @@ pub const CRATES: [Member; 34] = [
         "service/sql",
         "cluster domain model proto store",
     ),
-    member("fleetcal-folder", "service/folder", "proto store"),
+    member("fleetcal-folder", "service/folder", "model proto store"),
     member(
         "fleetcal-sqlite",
         "service/sqlite",

@@ -10,6 +10,7 @@ mod described;
 mod folder;
 mod hostile;
 mod json_schema;
+mod keys;
 mod moments;
 mod openapi;
 mod rest;

@@ -5,6 +5,8 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use serde::{Deserialize, Serialize};
 
+use super::keys::KeyRing;
+
 /// Calibration that the robot compensates with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Held {
@@ -237,6 +239,9 @@ pub struct Memory {
     pub latest: Option<Applied>,
     /// Unconfirmed acknowledgements, oldest first.
     pub unstored: Vec<Applied>,
+    /// Keys that it trusts, once it has taken a change of the service's key over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keys: Option<KeyRing>,
 }
 
 impl Memory {
@@ -262,6 +267,7 @@ impl Memory {
             highest: Generation::FACTORY,
             latest: None,
             unstored: Vec::new(),
+            keys: None,
         }
     }
 }

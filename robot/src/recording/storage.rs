@@ -102,7 +102,13 @@ fn kind_of(path: &Path, magic: &[u8]) -> Result<Kind, RecordingError> {
     Err(RecordingError::NoRecording { path })
 }
 
+/// Returns the beginning of a file. A pipe, which waits for a writer when it is opened, is none.
 fn first_bytes(path: &Path) -> Result<Vec<u8>, RecordingError> {
+    let file = std::fs::metadata(path).map_err(|source| io(path, source))?;
+    if !file.is_file() {
+        let path = path.to_owned();
+        return Err(RecordingError::NoRecording { path });
+    }
     let read = || {
         let mut magic = Vec::with_capacity(SQLITE_MAGIC.len());
         let file = File::open(path)?;

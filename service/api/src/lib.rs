@@ -38,7 +38,7 @@ use axum::response::Response;
 use fleetcal_clock::SharedClock;
 use fleetcal_cluster::Membership;
 use fleetcal_fleet::FleetHandle;
-use fleetcal_http::{Connections, Exports, host};
+use fleetcal_http::{Connections, Exports, SecurityContacts, host};
 use fleetcal_metrics::RequestDurations;
 use fleetcal_model::WallTime;
 use fleetcal_moments::Moments;
@@ -102,6 +102,8 @@ pub struct ApiSetup {
     pub peers: Peers,
     /// Settings of the access.
     pub access: AccessSetup,
+    /// Contacts for reports of vulnerabilities.
+    pub security_contacts: SecurityContacts,
     /// Connections of [`serve`].
     pub connections: Connections,
     /// Token that ends the event streams; the other requests end with [`serve`].
@@ -131,6 +133,7 @@ struct ApiState {
     connections: Connections,
     ready: ReadyProbe,
     access: AccessState,
+    security_contacts: SecurityContacts,
 }
 
 impl ApiState {
@@ -155,6 +158,7 @@ impl ApiState {
             connections: setup.connections,
             ready: ReadyProbe::default(),
             access: AccessState::new(&setup.access),
+            security_contacts: setup.security_contacts,
         }
     }
 }
@@ -255,6 +259,7 @@ fn documented() -> OpenApiRouter<ApiState> {
         .routes(routes!(health::healthz))
         .routes(routes!(health::readyz))
         .routes(routes!(metrics::metrics))
+        .routes(routes!(health::security_txt))
         .layer(middleware::from_fn(layers::in_time));
     OpenApiRouter::with_openapi(Document::openapi())
         .nest("/api/v1", timed.merge(stream::routes()))

@@ -11,6 +11,7 @@ pub(crate) const TABLE: &[(&str, &str, Access)] = &[
     ("GET", "/healthz", Public),
     ("GET", "/readyz", Public),
     ("GET", "/metrics", Public),
+    ("GET", "/.well-known/security.txt", Public),
     ("POST", "/api/v1/setup", Public),
     ("POST", "/api/v1/session", Public),
     ("GET", "/api/v1/session", Viewer),
