@@ -1,11 +1,14 @@
 //! Type of a payload's ROS 2 message, and its spellings.
 
+use fleetcal_model::Stream;
 use serde::{Deserialize, Serialize};
 
 use crate::encoding::{DecodeError, Encoding};
 use crate::ros::{
-    AckermannDriveStamped, JointState, LaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
-    TwistStamped,
+    AckermannDrive, AckermannDriveStamped, DynamicJointState, Float32, Float64, JointState, Joints,
+    LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
+    SteeringControllerStatus, SteeringReport, TwistStamped, TwistWithCovarianceStamped,
+    VelocityReport, VescStateStamped, WheelMessage, Wheels,
 };
 
 /// ROS 2 message types of a robot's streams.
@@ -27,9 +30,39 @@ pub enum MessageType {
     /// A pose.
     #[serde(rename = "geometry_msgs/msg/PoseStamped")]
     PoseStamped,
+    /// Speed and steering in one, without a stamp.
+    #[serde(rename = "ackermann_msgs/msg/AckermannDrive")]
+    AckermannDrive,
+    /// Steering and wheels as joints with all their interfaces.
+    #[serde(rename = "control_msgs/msg/DynamicJointState")]
+    DynamicJointState,
+    /// Steering and wheels of a controller.
+    #[serde(rename = "control_msgs/msg/SteeringControllerStatus")]
+    SteeringControllerStatus,
+    /// Velocities and their covariance.
+    #[serde(rename = "geometry_msgs/msg/TwistWithCovarianceStamped")]
+    TwistWithCovarianceStamped,
+    /// Steering under Autoware.
+    #[serde(rename = "autoware_vehicle_msgs/msg/SteeringReport")]
+    SteeringReport,
+    /// Velocities under Autoware.
+    #[serde(rename = "autoware_vehicle_msgs/msg/VelocityReport")]
+    VelocityReport,
+    /// A motor's state.
+    #[serde(rename = "vesc_msgs/msg/VescStateStamped")]
+    VescStateStamped,
+    /// A number without a stamp.
+    #[serde(rename = "std_msgs/msg/Float32")]
+    Float32,
+    /// A longer number without a stamp.
+    #[serde(rename = "std_msgs/msg/Float64")]
+    Float64,
     /// A planar scan.
     #[serde(rename = "sensor_msgs/msg/LaserScan")]
     LaserScan,
+    /// A planar scan with several echoes.
+    #[serde(rename = "sensor_msgs/msg/MultiEchoLaserScan")]
+    MultiEchoLaserScan,
     /// The cloud of a 3D scanner.
     #[serde(rename = "sensor_msgs/msg/PointCloud2")]
     PointCloud2,
@@ -37,7 +70,7 @@ pub enum MessageType {
 
 impl MessageType {
     /// All message types.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 17] = [
         Self::AckermannDriveStamped,
         Self::JointState,
         Self::Odometry,
@@ -45,21 +78,59 @@ impl MessageType {
         Self::PoseStamped,
         Self::LaserScan,
         Self::PointCloud2,
+        Self::AckermannDrive,
+        Self::DynamicJointState,
+        Self::SteeringControllerStatus,
+        Self::TwistWithCovarianceStamped,
+        Self::SteeringReport,
+        Self::VelocityReport,
+        Self::VescStateStamped,
+        Self::Float32,
+        Self::Float64,
+        Self::MultiEchoLaserScan,
     ];
 
-    /// Message types with steering and speed in one, the usual one first.
-    pub const OF_WHEEL_ODOMETRY: &'static [Self] = &[Self::AckermannDriveStamped, Self::JointState];
+    /// Message types with steering (or a yaw rate) and speed in one, the usual one first.
+    pub const OF_WHEEL_ODOMETRY: &'static [Self] = &[
+        Self::AckermannDriveStamped,
+        Self::JointState,
+        Self::AckermannDrive,
+        Self::DynamicJointState,
+        Self::SteeringControllerStatus,
+        Self::Odometry,
+        Self::TwistStamped,
+        Self::TwistWithCovarianceStamped,
+        Self::VelocityReport,
+    ];
     /// Message types with a steering angle.
-    pub const OF_STEERING: &'static [Self] = &[Self::JointState, Self::AckermannDriveStamped];
+    pub const OF_STEERING: &'static [Self] = &[
+        Self::JointState,
+        Self::AckermannDriveStamped,
+        Self::AckermannDrive,
+        Self::DynamicJointState,
+        Self::SteeringControllerStatus,
+        Self::SteeringReport,
+        Self::Float32,
+        Self::Float64,
+    ];
     /// Message types with a speed.
     pub const OF_SPEED: &'static [Self] = &[
         Self::Odometry,
         Self::TwistStamped,
         Self::JointState,
         Self::AckermannDriveStamped,
+        Self::AckermannDrive,
+        Self::DynamicJointState,
+        Self::SteeringControllerStatus,
+        Self::TwistWithCovarianceStamped,
+        Self::VelocityReport,
+        Self::VescStateStamped,
+        Self::Float32,
+        Self::Float64,
     ];
     /// Message types of scans.
-    pub const OF_SCAN: &'static [Self] = &[Self::LaserScan, Self::PointCloud2];
+    pub const OF_SCAN: &'static [Self] =
+        &[Self::LaserScan, Self::PointCloud2, Self::MultiEchoLaserScan];
     /// Message types with a pose of the LiDAR.
     pub const OF_LIDAR_ODOMETRY: &'static [Self] = &[Self::Odometry, Self::PoseStamped];
 
@@ -73,6 +144,66 @@ impl MessageType {
             Self::PoseStamped => PoseStamped::TYPE,
             Self::LaserScan => LaserScan::TYPE,
             Self::PointCloud2 => PointCloud2::TYPE,
+            Self::AckermannDrive => AckermannDrive::TYPE,
+            Self::DynamicJointState => DynamicJointState::TYPE,
+            Self::SteeringControllerStatus => SteeringControllerStatus::TYPE,
+            Self::TwistWithCovarianceStamped => TwistWithCovarianceStamped::TYPE,
+            Self::SteeringReport => SteeringReport::TYPE,
+            Self::VelocityReport => VelocityReport::TYPE,
+            Self::VescStateStamped => VescStateStamped::TYPE,
+            Self::Float32 => Float32::TYPE,
+            Self::Float64 => Float64::TYPE,
+            Self::MultiEchoLaserScan => MultiEchoLaserScan::TYPE,
+        }
+    }
+
+    /// Returns the steering and speed that a payload states; `None` for types without either.
+    ///
+    /// # Errors
+    /// Names the field that is missing or has an impossible value.
+    pub fn wheels(
+        self,
+        encoding: Encoding,
+        payload: &[u8],
+        joints: Option<&Joints>,
+    ) -> Result<Option<Wheels>, DecodeError> {
+        fn of<M: WheelMessage>(
+            (encoding, payload): (Encoding, &[u8]),
+            joints: Option<&Joints>,
+        ) -> Result<Option<Wheels>, DecodeError> {
+            Ok(Some(M::decode(encoding, payload)?.wheels(joints)))
+        }
+        let sent = (encoding, payload);
+        match self {
+            Self::AckermannDriveStamped => of::<AckermannDriveStamped>(sent, joints),
+            Self::AckermannDrive => of::<AckermannDrive>(sent, joints),
+            Self::JointState => of::<JointState>(sent, joints),
+            Self::DynamicJointState => of::<DynamicJointState>(sent, joints),
+            Self::SteeringControllerStatus => of::<SteeringControllerStatus>(sent, joints),
+            Self::Odometry => of::<Odometry>(sent, joints),
+            Self::TwistStamped => of::<TwistStamped>(sent, joints),
+            Self::TwistWithCovarianceStamped => of::<TwistWithCovarianceStamped>(sent, joints),
+            Self::SteeringReport => of::<SteeringReport>(sent, joints),
+            Self::VelocityReport => of::<VelocityReport>(sent, joints),
+            Self::VescStateStamped => of::<VescStateStamped>(sent, joints),
+            Self::Float32 => of::<Float32>(sent, joints),
+            Self::Float64 => of::<Float64>(sent, joints),
+            Self::PoseStamped | Self::LaserScan | Self::MultiEchoLaserScan | Self::PointCloud2 => {
+                Ok(None)
+            }
+        }
+    }
+
+    /// Returns the types that a stream may have, the usual one first; empty for a stream without a
+    /// ROS topic.
+    pub const fn of_stream(stream: Stream) -> &'static [Self] {
+        match stream {
+            Stream::WheelOdometry => Self::OF_WHEEL_ODOMETRY,
+            Stream::Steering => Self::OF_STEERING,
+            Stream::Speed => Self::OF_SPEED,
+            Stream::Scan => Self::OF_SCAN,
+            Stream::LidarOdometry => Self::OF_LIDAR_ODOMETRY,
+            Stream::Event => &[],
         }
     }
 

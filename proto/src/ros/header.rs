@@ -48,10 +48,12 @@ pub struct Header {
     pub frame_id: String,
 }
 
-impl Header {
-    pub(super) fn read(reader: &mut CdrReader<'_>) -> Result<Self, CdrError> {
-        let sec = reader.i32("header.stamp.sec")?;
-        let field = "header.stamp.nanosec";
+impl Time {
+    pub(super) fn read(
+        reader: &mut CdrReader<'_>,
+        [sec, field]: [&'static str; 2],
+    ) -> Result<Self, CdrError> {
+        let sec = reader.i32(sec)?;
         let nanosec = reader.u32(field)?;
         if nanosec >= NANOSEC_END {
             let value = nanosec.to_string();
@@ -61,11 +63,15 @@ impl Header {
                 accepted: "less than 1000000000",
             });
         }
+        Ok(Self { sec, nanosec })
+    }
+}
+
+impl Header {
+    pub(super) fn read(reader: &mut CdrReader<'_>) -> Result<Self, CdrError> {
+        let stamp = Time::read(reader, ["header.stamp.sec", "header.stamp.nanosec"])?;
         let frame_id = reader.string("header.frame_id")?;
-        Ok(Self {
-            stamp: Time { sec, nanosec },
-            frame_id,
-        })
+        Ok(Self { stamp, frame_id })
     }
 
     pub(super) fn write(&self, writer: &mut CdrWriter) {

@@ -4,6 +4,7 @@ use fleetcal_model::{RobotTime, Stream, WallTime};
 use fleetcal_proto::message_type::Form;
 
 use crate::notes::Noted;
+use crate::reading;
 use crate::senders::Origin;
 
 /// Message as it was received, not decoded yet.
@@ -19,6 +20,18 @@ pub struct Message {
     pub arrived_ns: WallTime,
     /// Payload.
     pub payload: Vec<u8>,
+}
+
+impl Message {
+    /// Returns what a reading needs of it.
+    pub fn as_read(&self) -> reading::Message<'_> {
+        reading::Message {
+            stream: self.stream,
+            form: self.form,
+            payload: &self.payload,
+            arrived: RobotTime(self.arrived_ns.0),
+        }
+    }
 }
 
 /// Item that waits for a robot's task.
