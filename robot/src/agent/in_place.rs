@@ -244,11 +244,12 @@ fn autoware(text: &str, placed: &Placed<'_>) -> Result<String, String> {
         let new = values.iter().find(|(name, _)| *name == key);
         if is_frame {
             in_frame = Some(indent);
-            patched.push_str(&format!("{content} # {}\n", note(placed)));
+            patched.extend([content, " # ", &note(placed), "\n"]);
         } else if let (Some(_), Some((name, value))) = (in_frame, new) {
             written += 1;
             let before = line.get(..indent).unwrap_or_default();
-            patched.push_str(&format!("{before}{name}: {value:.8}\n"));
+            let value = format!("{value:.8}");
+            patched.extend([before, name, ": ", &value, "\n"]);
         } else {
             patched.push_str(line);
         }

@@ -1,5 +1,7 @@
 //! Messages as robots in the field send them, their bytes laid here by their definitions.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_estimator::{DriveSample, Event, RobotTime};
 use fleetcal_fleet::{Intake, ReadMessage, ReadingSettings};
@@ -149,9 +151,8 @@ fn speed(of: MessageType, payload: Cdr) -> Sent {
 #[track_caller]
 fn assert_sample(samples: Result<Vec<DriveSample>, String>, wanted: (f64, f64), stamp_ms: i64) {
     let samples = samples.unwrap();
-    let [sample] = samples.as_slice() else {
-        panic!("one sample: {samples:?}");
-    };
+    assert_eq!(samples.len(), 1, "{samples:?}");
+    let sample = samples.first().unwrap();
     assert!((sample.speed_mps() - wanted.0).abs() < 1e-6, "{sample:?}");
     assert!(
         (sample.steering_rad() - wanted.1).abs() < 1e-6,

@@ -158,19 +158,20 @@ fn model(motion: &Motion, known: &Known) -> Option<Suspicion> {
     if is_at_steered_wheel == known.is_at_steered_wheel {
         return None;
     }
-    Some(match is_at_steered_wheel {
-        true => Suspicion::new(
+    Some(if is_at_steered_wheel {
+        Suspicion::new(
             Cause::Tricycle,
             format!(
                 "the speed is that of the steered wheel: it leaves {wheel:.0} mm/s, the fixed axle's {axle:.0}"
             ),
-        ),
-        false => Suspicion::new(
+        )
+    } else {
+        Suspicion::new(
             Cause::Bicycle,
             format!(
                 "the speed is that of the fixed axle: it leaves {axle:.0} mm/s, the steered wheel's {wheel:.0}"
             ),
-        ),
+        )
     })
 }
 
