@@ -7,8 +7,8 @@ use std::process::ExitCode;
 
 use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{
-    AckermannDrive, AckermannDriveStamped, DynamicJointState, Float32, Float64, JointState,
-    LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
+    AckermannDrive, AckermannDriveStamped, DriveSamples, DynamicJointState, Float32, Float64,
+    JointState, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
     SteeringControllerStatus, SteeringReport, TwistStamped, TwistWithCovarianceStamped,
     VelocityReport, VescStateStamped,
 };
@@ -31,6 +31,7 @@ fn rewritten(of: MessageType, payload: &[u8]) -> Result<Vec<u8>, String> {
     }
     match of {
         MessageType::AckermannDriveStamped => both_ways::<AckermannDriveStamped>(payload),
+        MessageType::DriveSamples => both_ways::<DriveSamples>(payload),
         MessageType::JointState => both_ways::<JointState>(payload),
         MessageType::Odometry => both_ways::<Odometry>(payload),
         MessageType::TwistStamped => both_ways::<TwistStamped>(payload),

@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::encoding::{DecodeError, Encoding};
 use crate::ros::{
-    AckermannDrive, AckermannDriveStamped, DynamicJointState, Float32, Float64, JointState, Joints,
-    LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
-    SteeringControllerStatus, SteeringReport, TwistStamped, TwistWithCovarianceStamped,
+    AckermannDrive, AckermannDriveStamped, DriveSamples, DynamicJointState, Float32, Float64,
+    JointState, Joints, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, PoseStamped,
+    RosMessage, SteeringControllerStatus, SteeringReport, TwistStamped, TwistWithCovarianceStamped,
     VelocityReport, VescStateStamped, WheelMessage, Wheels,
 };
 
@@ -18,6 +18,9 @@ pub enum MessageType {
     /// Speed and steering in one.
     #[serde(rename = "ackermann_msgs/msg/AckermannDriveStamped")]
     AckermannDriveStamped,
+    /// Several measurements of speed and steering.
+    #[serde(rename = "fleetcal_msgs/msg/DriveSamples")]
+    DriveSamples,
     /// Steering and wheels as joints.
     #[serde(rename = "sensor_msgs/msg/JointState")]
     JointState,
@@ -70,8 +73,9 @@ pub enum MessageType {
 
 impl MessageType {
     /// All message types.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::AckermannDriveStamped,
+        Self::DriveSamples,
         Self::JointState,
         Self::Odometry,
         Self::TwistStamped,
@@ -94,6 +98,7 @@ impl MessageType {
     pub const OF_WHEEL_ODOMETRY: &'static [Self] = &[
         Self::AckermannDriveStamped,
         Self::JointState,
+        Self::DriveSamples,
         Self::AckermannDrive,
         Self::DynamicJointState,
         Self::SteeringControllerStatus,
@@ -138,6 +143,7 @@ impl MessageType {
     pub const fn ros_type(self) -> &'static str {
         match self {
             Self::AckermannDriveStamped => AckermannDriveStamped::TYPE,
+            Self::DriveSamples => DriveSamples::TYPE,
             Self::JointState => JointState::TYPE,
             Self::Odometry => Odometry::TYPE,
             Self::TwistStamped => TwistStamped::TYPE,
@@ -157,7 +163,8 @@ impl MessageType {
         }
     }
 
-    /// Returns the steering and speed that a payload states; `None` for types without either.
+    /// Returns the steering and speed that a payload states; `None` for types without either, or
+    /// with several of them.
     ///
     /// # Errors
     /// Names the field that is missing or has an impossible value.
@@ -188,9 +195,11 @@ impl MessageType {
             Self::VescStateStamped => of::<VescStateStamped>(sent, joints),
             Self::Float32 => of::<Float32>(sent, joints),
             Self::Float64 => of::<Float64>(sent, joints),
-            Self::PoseStamped | Self::LaserScan | Self::MultiEchoLaserScan | Self::PointCloud2 => {
-                Ok(None)
-            }
+            Self::DriveSamples
+            | Self::PoseStamped
+            | Self::LaserScan
+            | Self::MultiEchoLaserScan
+            | Self::PointCloud2 => Ok(None),
         }
     }
 

@@ -99,6 +99,7 @@ pub const CRATES: [Member; 30] = [
         "service/link",
         "clock cluster domain fleet model operations proto",
     ),
+    member("fleetcal-view", "service/view", "domain model"),
     member("fleetcal-http", "service/http", "clock domain"),
     member(
         "fleetcal-requests",
@@ -113,7 +114,8 @@ pub const CRATES: [Member; 30] = [
     member(
         "fleetcal-api",
         "service/api",
-        "certificate clock cluster domain estimator fleet http metrics model operations proto requests store",
+        "certificate clock cluster domain estimator fleet http metrics model operations proto requests store \
+         view",
     ),
     member(
         "fleetcal-config",

@@ -1,10 +1,25 @@
 //! Kinds of vehicles.
 
 use serde::{Deserialize, Serialize};
+use strum::{IntoStaticStr, VariantArray};
 
 /// Steering geometry of a vehicle and place of its speed measurement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    IntoStaticStr,
+    VariantArray,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum VehicleModel {
     /// Steered front axle (Ackermann too), speed measured at the rear axle.
@@ -18,13 +33,12 @@ pub enum VehicleModel {
 }
 
 impl VehicleModel {
+    /// Every model.
+    pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
+
     /// Returns its name in configurations and documents.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Bicycle => "bicycle",
-            Self::Tricycle => "tricycle",
-            Self::RearSteered => "rear_steered",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
     /// Returns the usual place of its speed measurement.

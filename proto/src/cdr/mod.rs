@@ -11,6 +11,8 @@ pub use writer::CdrWriter;
 
 use thiserror::Error;
 
+use crate::ros::SamplesRefused;
+
 /// Most bytes that may follow a message's last field: senders pad to their word size.
 pub const PADDING_BYTES_MAX: usize = 7;
 /// Most strings in one sequence. A robot has some dozen joints.
@@ -80,6 +82,9 @@ pub enum CdrError {
         /// Accepted values, in words.
         accepted: &'static str,
     },
+    /// The drive samples contradict each other or are no numbers.
+    #[error("{0}")]
+    Samples(#[from] SamplesRefused),
     /// The payload continues behind the last field: it is of another type.
     #[error("{extra} bytes follow {field}, the last field; expected at most 7 of padding")]
     Trailing {

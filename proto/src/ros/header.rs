@@ -48,28 +48,9 @@ pub struct Header {
     pub frame_id: String,
 }
 
-impl Time {
-    pub(super) fn read(
-        reader: &mut CdrReader<'_>,
-        [sec, field]: [&'static str; 2],
-    ) -> Result<Self, CdrError> {
-        let sec = reader.i32(sec)?;
-        let nanosec = reader.u32(field)?;
-        if nanosec >= NANOSEC_END {
-            let value = nanosec.to_string();
-            return Err(CdrError::Value {
-                field,
-                value,
-                accepted: "less than 1000000000",
-            });
-        }
-        Ok(Self { sec, nanosec })
-    }
-}
-
 impl Header {
     pub(super) fn read(reader: &mut CdrReader<'_>) -> Result<Self, CdrError> {
-        let stamp = Time::read(reader, ["header.stamp.sec", "header.stamp.nanosec"])?;
+        let stamp = read_time(reader, "header.stamp.sec", "header.stamp.nanosec")?;
         let frame_id = reader.string("header.frame_id")?;
         Ok(Self { stamp, frame_id })
     }
@@ -84,6 +65,25 @@ impl Header {
         // Two words, the length, the NUL, and what aligns the next field.
         20 + self.frame_id.len()
     }
+}
+
+/// Reads a time; its two fields have these names.
+pub(super) fn read_time(
+    reader: &mut CdrReader<'_>,
+    sec: &'static str,
+    field: &'static str,
+) -> Result<Time, CdrError> {
+    let sec = reader.i32(sec)?;
+    let nanosec = reader.u32(field)?;
+    if nanosec >= NANOSEC_END {
+        let value = nanosec.to_string();
+        return Err(CdrError::Value {
+            field,
+            value,
+            accepted: "less than 1000000000",
+        });
+    }
+    Ok(Time { sec, nanosec })
 }
 
 /// Reads the nanoseconds of a stamp, which are less than a second.

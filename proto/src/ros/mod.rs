@@ -4,6 +4,7 @@
 //! physically is checked where it is used, not here.
 
 mod ackermann;
+mod drive_samples;
 mod dynamic_joint_state;
 mod float32;
 mod float64;
@@ -25,6 +26,9 @@ mod vesc_state;
 mod wheels;
 
 pub use ackermann::{AckermannDrive, AckermannDriveStamped};
+pub use drive_samples::{
+    DRIVE_SAMPLES_MAX, DRIVE_SAMPLES_SPAN_MAX_NS, DriveSamples, MeasuredDrive, SamplesRefused,
+};
 pub use dynamic_joint_state::{DynamicJointState, InterfaceValue};
 pub use float32::Float32;
 pub use float64::Float64;

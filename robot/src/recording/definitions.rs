@@ -30,6 +30,9 @@ pub(super) const fn of(message_type: MessageType) -> &'static str {
             "AckermannDriveStamped",
             "ackermann_msgs" "AckermannDrive"
         ),
+        MessageType::DriveSamples => definition!(
+            @ "DriveSamples", "fleetcal_msgs" "DriveSample", "builtin_interfaces" "Time"
+        ),
         MessageType::JointState => definition!("JointState"),
         MessageType::LaserScan => definition!("LaserScan"),
         MessageType::MultiEchoLaserScan => {

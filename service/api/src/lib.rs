@@ -179,7 +179,6 @@ impl ApiState {
         live_event::LiveEvent,
         fleetcal_proto::audit_head::AuditHeadDocument,
         fleetcal_proto::certificate::CertificateDocument,
-        robots::SortSchema,
     )),
 )]
 struct Document;

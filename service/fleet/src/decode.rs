@@ -10,7 +10,10 @@ use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::encoding::DecodeError;
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_proto::message_type::MessageType;
-use fleetcal_proto::ros::{Header, LaserScan, Odometry, Pose, Quaternion, ScanRefused, Unstated};
+use fleetcal_proto::ros::{
+    DriveSamples, Header, LaserScan, MeasuredDrive, Odometry, Pose, Quaternion, ScanRefused, Units,
+    Unstated,
+};
 use nalgebra::Matrix3;
 use thiserror::Error;
 
@@ -42,6 +45,14 @@ pub enum MessageRefused {
     Field {
         /// Stream of the message.
         stream: Stream,
+        /// Fault of the field.
+        source: FieldRefused,
+    },
+    /// A drive sample among several holds an impossible value.
+    #[error("wheel_odometry: samples[{index}]: {source}")]
+    Sample {
+        /// Place of the sample in its message.
+        index: usize,
         /// Fault of the field.
         source: FieldRefused,
     },
@@ -149,6 +160,24 @@ pub struct Decoded {
     pub event: Event,
     /// Note for the robot's history, if the message is one.
     pub note: Option<RobotEvent>,
+}
+
+/// Extracts the drive samples from their message, in the order of their stamps.
+///
+/// # Errors
+/// Names the field of the sample that holds an impossible value.
+pub fn drive_samples(
+    message: &DriveSamples,
+    units: &Units,
+) -> Result<Vec<DriveSample>, MessageRefused> {
+    let sample = |(index, measured): (usize, &MeasuredDrive)| {
+        let stamp = RobotTime(measured.stamp.as_ns());
+        let speed_mps = units.speed_mps(measured.speed.into());
+        let steering_rad = units.steering_rad(measured.steering_angle.into());
+        DriveSample::new(stamp, speed_mps, steering_rad)
+            .map_err(|source| MessageRefused::Sample { index, source })
+    };
+    message.samples().iter().enumerate().map(sample).collect()
 }
 
 /// Restores the drive sample that the sensors measured, for a robot that applies `values` before it

@@ -151,6 +151,7 @@ impl FleetHandle {
             descriptions: Descriptions::default(),
             peers: PeerSessions::default(),
             scan_durations: scan_durations(),
+            scan_latencies: scan_durations(),
             tasks: TaskTracker::new(),
             configured: watch_channel::Sender::new(0),
             membership: setup.membership,
@@ -426,6 +427,12 @@ impl FleetHandle {
     /// Returns the histogram of the estimators' durations for a scan, over all robots.
     pub fn scan_durations(&self) -> Histogram {
         self.fleet.scan_durations.clone()
+    }
+
+    /// Returns the histogram of the times from a scan's arrival until it is processed, over all
+    /// robots.
+    pub fn scan_latencies(&self) -> Histogram {
+        self.fleet.scan_latencies.clone()
     }
 
     /// Returns the ids of all robots.

@@ -7,7 +7,8 @@ use fleetcal_estimator::{DriveSample, Event, LidarPose, RobotTime, Scan, Vehicle
 use fleetcal_model::Stream;
 use fleetcal_proto::message_type::{Form, MessageType};
 use fleetcal_proto::ros::{
-    Header, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, PoseStamped, RosMessage, Unstated,
+    DriveSamples, Header, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, PoseStamped,
+    RosMessage, Unstated,
 };
 
 use crate::cloud;
@@ -65,6 +66,8 @@ pub struct Half {
 pub enum Reading {
     /// Complete content for the estimator.
     Whole(Decoded),
+    /// Drive samples in the order of their stamps, at least one.
+    Samples(Vec<DriveSample>),
     /// A steering angle that waits for its speed.
     Steering(Half),
     /// A speed that waits for its steering angle.
@@ -146,6 +149,14 @@ impl Message<'_> {
             Stream::LidarOdometry => {
                 let pose = self.pose(of)?;
                 Ok(whole((pose.stamp(), Event::LidarPose(pose))))
+            }
+            Stream::WheelOdometry if of == MessageType::DriveSamples => {
+                let units = settings.streams.units();
+                let samples = decode::drive_samples(&self.decoded()?, &units)?;
+                Ok(Read {
+                    reading: Reading::Samples(samples),
+                    is_stamped: true,
+                })
             }
             _ => {
                 let wheels = self.wheels(of, settings)?;
@@ -311,6 +322,10 @@ impl Message<'_> {
             (Stream::LidarOdometry, _) => {
                 let message: Odometry = self.decoded()?;
                 Sighting::of_pose(&message.header, &message.child_frame_id, &message.pose.pose)
+            }
+            (Stream::WheelOdometry, MessageType::DriveSamples) => {
+                let message: DriveSamples = self.decoded()?;
+                Sighting::of_samples(message.samples(), &settings.streams.units())
             }
             _ => self.sighted_wheels(of, settings)?,
         })

@@ -204,7 +204,7 @@ impl RobotTask {
     fn take_and_count(&mut self, message: &Message) {
         let began = self.fleet.clock.elapsed();
         let outcome = self.take_message(message);
-        self.fleet.took(message.stream, began);
+        self.fleet.took(message, began);
         if let Outcome::Refused(reason) = &outcome {
             tracing::debug!(robot.id = %self.robot.id, reason, "message refused");
         }
@@ -252,6 +252,20 @@ impl RobotTask {
                 return Outcome::Known;
             }
         }
+        self.process(taken.stamp, events)
+    }
+
+    /// Processes the events of a message, all of them or none.
+    fn process(&mut self, stamp_ns: RobotTime, mut events: Vec<Decoded>) -> Outcome {
+        for decoded in &mut events {
+            match self.raw(&decoded.event) {
+                Ok(Some(raw)) => decoded.event = raw,
+                Ok(None) => {}
+                Err(reason) => return Outcome::Refused(reason),
+            }
+        }
+        let of_wheels = |decoded: &&Decoded| matches!(decoded.event, Event::WheelOdometry(_));
+        let drive_samples = events.iter().filter(of_wheels).count() as u64;
         for decoded in events {
             let outcome = self.take_decoded(decoded);
             if let Outcome::Refused(_) = outcome {
@@ -259,7 +273,8 @@ impl RobotTask {
             }
         }
         Outcome::Processed {
-            stamp_ns: taken.stamp,
+            stamp_ns,
+            drive_samples,
         }
     }
 
@@ -306,10 +321,6 @@ impl RobotTask {
         if let Some(note) = note {
             return self.take_robots_note(note);
         }
-        let event = match self.raw(event) {
-            Ok(event) => event,
-            Err(reason) => return Outcome::Refused(reason),
-        };
         if !self.step(event) {
             return Outcome::Refused("the robot's estimator is stopped after a fault".to_owned());
         }
@@ -328,7 +339,10 @@ impl RobotTask {
         if self.robot.state() == RobotState::NoData {
             self.robot.set_state(RobotState::Learning);
         }
-        Outcome::Processed { stamp_ns: stamp }
+        Outcome::Processed {
+            stamp_ns: stamp,
+            drive_samples: 0,
+        }
     }
 
     /// Ranks the manoeuvres that the robot should drive next, and updates the warnings.
@@ -377,13 +391,14 @@ impl RobotTask {
         self.top_view.as_ref().map(|(_, view)| Arc::clone(view))
     }
 
-    /// Restores the sensor's values where the robot compensates before it sends.
-    fn raw(&self, event: Event) -> Result<Event, String> {
-        let Event::WheelOdometry(sample) = &event else {
-            return Ok(event);
+    /// Restores the sensor's values where the robot compensates before it sends; `None` where it
+    /// does not.
+    fn raw(&self, event: &Event) -> Result<Option<Event>, String> {
+        let Event::WheelOdometry(sample) = event else {
+            return Ok(None);
         };
         if self.signal == WheelOdometrySignal::Raw {
-            return Ok(event);
+            return Ok(None);
         }
         let Some(values) = self.robot.values_at(sample.stamp()) else {
             return Err(
@@ -393,7 +408,7 @@ impl RobotTask {
             );
         };
         decode::added_back(sample, &values)
-            .map(Event::WheelOdometry)
+            .map(|raw| Some(Event::WheelOdometry(raw)))
             .map_err(|refused| refused.to_string())
     }
 

@@ -24,19 +24,22 @@ pub const fn payload_bytes_max(stream: Stream) -> usize {
 pub const MAILBOX_WHEEL_ODOMETRY_MAX: usize = 1_024;
 /// Scans (or LiDAR poses) that wait in a robot's mailbox.
 pub const MAILBOX_SCANS_MAX: usize = 8;
+/// Scans that wait in the mailbox of a robot that is behind: as many as a sender that paces itself
+/// by the service's progress has on the way at most.
+pub const MAILBOX_SCANS_BEHIND: usize = 4;
+/// Scans of a robot of which at least one is processed, however short CPU time is.
+pub const SCAN_STRIDE_MAX: u32 = 8;
 /// Notes and other rare messages that wait in a robot's mailbox.
 pub const MAILBOX_NOTES_MAX: usize = 64;
 /// Stored notes about a robot that are read at once for its estimator.
 pub const NOTES_BROUGHT_MAX: u32 = 64;
-/// Period in which the messages of a sending robot are processed together: waking its task for each
-/// message would cost more than the message. All robots have their rounds at the same moments.
-pub const TASK_ROUND: Duration = Duration::from_millis(20);
+/// Longest wait of a drive sample for the next scan, with which it is processed: waking the task for
+/// each message would cost more than the message. All robots have their rounds at the same moments.
+pub const TASK_ROUND: Duration = Duration::from_millis(100);
 /// Rounds without a message after which a robot's task waits for the next one.
 pub const TASK_IDLE_ROUNDS: u32 = 5;
-/// Drive samples that wait until the next round; further ones are processed at once.
+/// Messages of wheel odometry that wait until the next round; further ones are processed at once.
 pub const TASK_ROUND_WHEEL_ODOMETRY_MAX: usize = 64;
-/// Scans that wait until the next round; further ones are processed at once.
-pub const TASK_ROUND_SCANS_MAX: usize = 1;
 /// Robots that are configured.
 pub const ROBOTS_MAX: usize = 4_096;
 /// Robots that send without being configured; further ones are counted and forgotten.
@@ -45,6 +48,8 @@ pub const UNREGISTERED_ROBOTS_MAX: usize = 256;
 pub const LIVE_UPDATES_MAX: usize = 4_096;
 /// Characters of a note that a person or tool attaches.
 pub const NOTE_CHARS_MAX: usize = 1_000;
+/// Characters of a query for robots.
+pub const VIEW_QUERY_CHARS_MAX: usize = 2_000;
 /// Characters of a refusal's reason that are kept for the robot's page.
 pub const REFUSAL_CHARS_MAX: usize = 300;
 
@@ -418,6 +423,14 @@ pub const ZENOH_UNFINISHED_BYTES_DEFAULT: usize =
 /// Part of the memory that the process may use which unfinished messages of all sessions without a
 /// name may fill together: one in so many.
 pub const ZENOH_UNFINISHED_MEMORY_PART: usize = 2;
+/// Part of the free memory that goes at once before Zenoh sessions are closed: one in so many.
+pub const ZENOH_SESSION_MEMORY_PART: u64 = 4;
+/// Largest memory that a service counts as settled, in quarters of what the process may use.
+pub const ZENOH_SESSION_MEMORY_SETTLED_QUARTERS: u64 = 3;
+/// Time after which memory counts as settled.
+pub const ZENOH_SESSION_MEMORY_RECENT: Duration = Duration::from_millis(500);
+/// Time between two measurements of memory, in which one session can fill some 5 MiB.
+pub const ZENOH_SESSION_MEMORY_LOOK_EVERY: Duration = Duration::from_millis(5);
 /// Sessions that Zenoh opens beyond, so that one can come while its place is still taken by
 /// another.
 pub const ZENOH_SESSIONS_OPENING_MAX: usize = 256;

@@ -14,6 +14,7 @@ export type DetectionState = Schemas['DetectionState'];
 export type Robot = Schemas['RobotSummary'];
 export type RobotDocument = Schemas['RobotDocument'];
 export type RobotPage = Schemas['RobotPage'];
+export type RobotsOfView = Schemas['RobotsOfView'];
 export type RobotState = Schemas['RobotState'];
 export type Standing = Schemas['Standing'];
 export type RobotRow = Schemas['RobotRow'];

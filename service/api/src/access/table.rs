@@ -51,6 +51,7 @@ pub(crate) const TABLE: &[(&str, &str, Access)] = &[
     ("GET", "/api/v1/openapi.json", Viewer),
     ("GET", "/api/v1/stream", Viewer),
     ("GET", "/api/v1/robots", Viewer),
+    ("GET", "/api/v1/views/robots", Viewer),
     ("GET", "/api/v1/robots/{id}", Viewer),
     ("PUT", "/api/v1/robots/{id}", Operator),
     ("GET", "/api/v1/robots/{id}/description", Viewer),

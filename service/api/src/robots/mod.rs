@@ -13,6 +13,7 @@ mod manoeuvres;
 mod recording;
 mod registration;
 mod top_view;
+mod view;
 
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -22,13 +23,13 @@ use super::ApiState;
 pub(super) use connection::connection_state;
 pub(super) use document::RobotStateDocument;
 pub(super) use events::EventDocument;
-pub(super) use list::SortSchema;
 pub(super) use recording::Recordings;
 
 /// Routes under `/robots`.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(list::list_robots))
+        .routes(routes!(view::get_view))
         .routes(routes!(registration::get_robot, registration::put_robot))
         .routes(routes!(
             description::get_description,

@@ -21,6 +21,7 @@ mod service;
 mod standing;
 mod stream;
 mod trace;
+mod views;
 mod writes;
 
 use std::collections::BTreeMap;

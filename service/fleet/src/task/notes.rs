@@ -51,6 +51,7 @@ impl RobotTask {
         // People's stamps say nothing of how far the robot's messages are taken.
         Outcome::Processed {
             stamp_ns: self.newest,
+            drive_samples: 0,
         }
     }
 
