@@ -8,6 +8,7 @@
 mod event;
 mod file;
 mod hook;
+mod in_place;
 mod keys;
 mod limits;
 mod link;

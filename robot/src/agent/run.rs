@@ -283,8 +283,10 @@ impl Runner {
         }
         let text = self.file.read()?;
         let values = text.as_deref().and_then(|text| self.file.values_in(text));
-        let rear_axle = self.agent.memory().rear_axle_in_base_link();
-        self.options.outputs.write(values.as_ref(), rear_axle)
+        let memory = self.agent.memory();
+        let (rear_axle, generation) = (memory.rear_axle_in_base_link(), memory.generation());
+        let outputs = &self.options.outputs;
+        outputs.write(values.as_ref(), rear_axle, generation)
     }
 
     /// Calls the hook, whose result comes as an event. A robot without a hook accepts everything.

@@ -257,6 +257,15 @@ impl Memory {
         }
     }
 
+    /// Returns the generation of the values in use or about to be.
+    pub(super) fn generation(&self) -> Generation {
+        match &self.phase {
+            Phase::Writing { offer, .. } | Phase::Activating { offer, .. } => offer.generation,
+            Phase::Restoring { fallback, .. } => fallback.held.generation,
+            Phase::Resting(_) | Phase::Asking { .. } => self.held.generation,
+        }
+    }
+
     /// Makes the memory of an agent's first start.
     pub fn new(robot: RobotId, held: Held) -> Self {
         Self {

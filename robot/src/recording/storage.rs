@@ -21,6 +21,8 @@ const METADATA: &str = "metadata.yaml";
 pub(super) const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// First bytes of an SQLite database.
 const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
+/// First bytes of a ROS 1 bag.
+const ROS1_MAGIC: &[u8] = b"#ROSBAG V";
 /// Suffixes of the files that hold messages.
 const ENDINGS: [&str; 4] = [".mcap", ".db3", ".mcap.zstd", ".db3.zstd"];
 
@@ -98,6 +100,9 @@ fn kind_of(path: &Path, magic: &[u8]) -> Result<Kind, RecordingError> {
     }
     if magic.starts_with(SQLITE_MAGIC) {
         return Ok(Kind::Sqlite);
+    }
+    if magic.starts_with(ROS1_MAGIC) {
+        return Err(RecordingError::Ros1 { path });
     }
     Err(RecordingError::NoRecording { path })
 }

@@ -69,6 +69,9 @@ pub enum ModelName {
     Bicycle,
     /// One steered and driven front wheel, speed measured at that wheel.
     Tricycle,
+    /// Steered axle behind the fixed one (forklifts), speed measured at the fixed axle.
+    #[value(name = "rear_steered")]
+    RearSteered,
 }
 
 impl From<ModelName> for VehicleModel {
@@ -76,6 +79,7 @@ impl From<ModelName> for VehicleModel {
         match name {
             ModelName::Bicycle => Self::Bicycle,
             ModelName::Tricycle => Self::Tricycle,
+            ModelName::RearSteered => Self::RearSteered,
         }
     }
 }

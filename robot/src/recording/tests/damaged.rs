@@ -31,6 +31,8 @@ fn files_that_are_no_recording_are_refused() {
     refused(&path, "no MCAP file", 65);
     std::fs::write(&path, &mcap::MAGIC[..4]).unwrap();
     refused(&path, "no MCAP file", 65);
+    std::fs::write(&path, b"#ROSBAG V2.0\nE\0\0\0").unwrap();
+    refused(&path, "rosbags-convert --src ", 65);
     std::fs::write(&path, mcap::MAGIC).unwrap();
     refused(&path, "truncated", 65);
     let robot = RobotId::parse("a").unwrap();

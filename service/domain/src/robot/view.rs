@@ -266,6 +266,10 @@ pub enum WarningKind {
     StampsCoarse,
     /// Topic of a bridge that the access list lacks.
     TopicBlocked,
+    /// Messages without a stamp.
+    StampedOnArrival,
+    /// Steering angle computed from a yaw rate.
+    SteeringFromYawRate,
     /// Cause that a joining check names.
     JoiningCheck,
     /// Many messages of a stream are not used.
@@ -316,6 +320,31 @@ impl Warning {
                  it. Stamp each message when it was measured, to a millisecond or better.",
                 names(streams)
             ),
+        }
+    }
+
+    /// Warning of [`WarningKind::StampedOnArrival`] about some streams, if any.
+    pub fn stamped_on_arrival(streams: &[Stream]) -> Option<Self> {
+        (!streams.is_empty()).then(|| Self {
+            kind: WarningKind::StampedOnArrival,
+            text: format!(
+                "Messages of {} have no stamp and count as measured when they arrive: every delay \
+                 on their way, and the difference of the clocks, is an error of their time. Send a \
+                 message with a stamp.",
+                names(streams)
+            ),
+        })
+    }
+
+    /// Warning of [`WarningKind::SteeringFromYawRate`].
+    pub fn steering_from_yaw_rate() -> Self {
+        Self {
+            kind: WarningKind::SteeringFromYawRate,
+            text: "The steering angle is computed from speed and yaw rate by the configured \
+                   wheelbase. Its offset is that of the sensor only if the robot computes the yaw \
+                   rate from its steering by the same wheelbase, not from a gyroscope. Send the \
+                   measured angle."
+                .to_owned(),
         }
     }
 

@@ -68,10 +68,7 @@ impl Slow {
             && let Some(Item::Message(message)) = self.mailbox.take()
         {
             scans += usize::from(message.stream == Stream::Scan);
-            let taken = self
-                .intake
-                .take(message.stream, message.form, &message.payload);
-            let taken = taken.unwrap();
+            let taken = self.intake.take(&message.as_read()).unwrap();
             for decoded in taken.events {
                 self.calibrator.step(decoded.event);
             }
