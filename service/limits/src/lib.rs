@@ -32,11 +32,6 @@ pub const fn payload_bytes_max(stream: Stream) -> usize {
 pub const MAILBOX_WHEEL_ODOMETRY_MAX: usize = 1_024;
 /// Scans (or LiDAR poses) that wait in a robot's mailbox.
 pub const MAILBOX_SCANS_MAX: usize = 8;
-/// Scans that wait in the mailbox of a robot that is behind: as many as a sender that paces itself
-/// by the service's progress has on the way at most.
-pub const MAILBOX_SCANS_BEHIND: usize = 4;
-/// Scans of a robot of which at least one is processed, however short CPU time is.
-pub const SCAN_STRIDE_MAX: u32 = 8;
 /// Notes and other rare messages that wait in a robot's mailbox.
 pub const MAILBOX_NOTES_MAX: usize = 64;
 /// Stored notes about a robot that are read at once for its estimator.

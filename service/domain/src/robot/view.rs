@@ -260,8 +260,6 @@ pub enum WarningKind {
     TwoSenders,
     /// Messages on a key that is no longer used.
     FormerKey,
-    /// The service lacks CPU time and uses an even share of the robot's scans.
-    ScansThinned,
     /// Stamps are coarser than the rate of their stream.
     StampsCoarse,
     /// Topic of a bridge that the access list lacks.
@@ -391,16 +389,6 @@ impl Warning {
             kind,
             text: texts.join(" "),
         })
-    }
-
-    /// Warning of [`WarningKind::ScansThinned`].
-    pub fn scans_thinned() -> Self {
-        Self {
-            kind: WarningKind::ScansThinned,
-            text: "The service lacks CPU time: of this robot's scans it uses an even share, and \
-                   drops the others. Give it more, or have fewer robots on this machine."
-                .to_owned(),
-        }
     }
 
     /// Warning of [`WarningKind::FormerKey`]; `key` is the one to send to.
