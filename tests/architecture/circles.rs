@@ -140,8 +140,9 @@ pub const CRATES: [Member; 30] = [
 
 /// Largest number of lines of a crate of the service, tests left out. It is a size at which to look
 /// for a border, and no border by itself: 8,500 would have cut routes from the documents that they
-/// answer with, and decisions about proposals from those about alerts.
-const SERVICE_CRATE_LINES_MAX: usize = 9_500;
+/// answer with, and decisions about proposals from those about alerts; 9,500 would cut the actions
+/// on many robots from the single calls by whose code they decide.
+const SERVICE_CRATE_LINES_MAX: usize = 10_500;
 
 /// Returns the texts of the files below a folder with one of `endings`, by their paths below it.
 fn texts(folder: &Path, endings: &[&str]) -> BTreeMap<String, String> {

@@ -8,6 +8,7 @@ mod access;
 mod alerts;
 mod answers;
 mod approval;
+mod bulk;
 mod certificates;
 mod cluster;
 mod dashboard;
@@ -239,6 +240,7 @@ pub fn openapi() -> utoipa::openapi::OpenApi {
 fn documented() -> OpenApiRouter<ApiState> {
     let timed = OpenApiRouter::new()
         .merge(robots::routes())
+        .merge(bulk::routes())
         .merge(access::routes())
         .merge(approval::routes())
         .merge(certificates::routes())

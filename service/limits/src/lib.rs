@@ -336,9 +336,19 @@ pub const FOLLOWED_MAX: u32 = 10_000;
 pub const HTTP_PAGE_DEFAULT: u32 = 100;
 /// Proposals that one request approves.
 pub const APPROVED_AT_ONCE_MAX: usize = 500;
-/// Time within which approvals of one request must begin, or are skipped: the request is answered
+/// Time within which decisions of one request must begin, or are skipped: the request is answered
 /// before [`HTTP_WRITE_TIMEOUT`].
 pub const APPROVED_WITHIN: Duration = Duration::from_secs(4);
+/// Robots that one request acts on.
+pub const ACTED_AT_ONCE_MAX: usize = 500;
+/// Alerts of one robot that one request acknowledges.
+pub const ACKNOWLEDGED_OF_ROBOT_MAX: usize = 16;
+/// Decisions of one request that wait for the database together: they share a transaction.
+pub const DECIDED_TOGETHER: usize = 4;
+/// Robots that one request registers.
+pub const REGISTERED_AT_ONCE_MAX: usize = 1_000;
+/// Longest body of a request about many robots, in bytes.
+pub const BULK_BODY_BYTES_MAX: usize = 2 * 1024 * 1024;
 /// Rows of the audit in one file.
 pub const AUDIT_FILE_ROWS_MAX: u32 = 100_000;
 /// Longest row of a downloaded audit that is read, bytes.

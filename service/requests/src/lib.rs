@@ -1,6 +1,7 @@
 //! Requests and answers: parameters, bodies, conditions, pages and problem
 //! documents. It knows no route.
 
+pub mod csv;
 pub mod etag;
 pub mod extract;
 pub mod listing;

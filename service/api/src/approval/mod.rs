@@ -15,7 +15,9 @@ use utoipa_axum::routes;
 use super::ApiState;
 
 pub(super) use document::CalibrationSummary;
-pub(super) use proposals::robot_named;
+pub(super) use proposals::{
+    NewProposalDocument, ReasonBody, close, propose, required_key, robot_named, robot_of,
+};
 
 /// Routes of the life cycle.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {

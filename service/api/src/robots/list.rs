@@ -82,7 +82,8 @@ pub(super) struct RobotPage {
     connections: BTreeMap<&'static str, usize>,
 }
 
-/// Lists the robots: the configured ones, and those that send data without a configuration.
+/// Lists the robots: the configured ones, and those that send data without a configuration; not
+/// the retired ones.
 #[utoipa::path(
     get,
     path = "/robots",
@@ -156,14 +157,14 @@ struct Listed {
 fn listed(api: &ApiState, now: WallTime) -> Vec<Listed> {
     let standings = api.evaluator.standings();
     let robots = api.fleet.robots().into_iter();
-    let listed = robots.map(|view| {
+    let listed = robots.filter_map(|view| {
         let ledger = api.lifecycle.ledger(&view.id);
-        Listed {
+        ledger.shadow.retired.is_none().then(|| Listed {
             standing: standings.of(&view, &ledger),
             heard: connection_state(&view, &ledger, now),
             view,
             ledger,
-        }
+        })
     });
     listed.collect()
 }

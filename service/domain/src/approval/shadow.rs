@@ -6,6 +6,7 @@ use fleetcal_proto::calibration::AppliedStatus;
 use serde::{Deserialize, Serialize};
 
 use super::generation::{GenerationRef, InUse};
+use super::retirement::Retirement;
 use super::values::Change;
 
 /// Latest answer of a robot.
@@ -93,6 +94,9 @@ pub struct Shadow {
     /// Last maintenance of the robot; it may have ended.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub maintenance: Option<Maintenance>,
+    /// Retirement of the robot, until it is brought back.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub retired: Option<Retirement>,
     /// Sum of the magnitudes of the steps approved without a person since a person last decided on
     /// the desired calibration: rad, m, m, rad.
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -148,6 +152,7 @@ impl Shadow {
             verified: Vec::new(),
             declined: None,
             maintenance: None,
+            retired: None,
             automatic_sum: [0.0; 4],
             contradicted: None,
         }
