@@ -15,7 +15,7 @@ use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_folder::signing_key::{self, KeyError};
 use fleetcal_http::Connections;
 use fleetcal_http::PublicUrl;
-use fleetcal_link::{Link, LinkError, LinkSetup, Shares};
+use fleetcal_link::{Link, LinkError, LinkSetup, SessionMemory, Shares};
 use fleetcal_model::{AuditId, Generation, WallTime};
 use fleetcal_operations::accounts::KeepSetupCode;
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
@@ -266,6 +266,15 @@ fn shares(config: &Config) -> Shares {
     }
 }
 
+/// Returns the memory that Zenoh sessions are closed by; `None` where the system does not say it.
+fn session_memory() -> Option<SessionMemory> {
+    let allowed_bytes = memory::allowed_bytes()?;
+    Some(SessionMemory {
+        resident: memory::resident_bytes,
+        allowed_bytes,
+    })
+}
+
 /// Makes the link's setup, and checks it before anything is opened.
 fn link_setup(config: &Config) -> Result<LinkSetup, ServiceError> {
     if let (Some(instance), None) = (&config.cluster.instance, &config.database) {
@@ -280,6 +289,7 @@ fn link_setup(config: &Config) -> Result<LinkSetup, ServiceError> {
         zenoh_config: config.zenoh_config.clone(),
         allow_anonymous: config.allow_anonymous,
         shares: shares(config),
+        session_memory: session_memory(),
         keys: Keys::new(config.root.clone()),
         ros2: config.ros2.clone(),
         ..LinkSetup::default()

@@ -20,7 +20,7 @@ use tokio::time::timeout;
 use zenoh::sample::SampleKind;
 
 use super::*;
-use crate::simulator::{LidarOutput, PoseSettings};
+use crate::simulator::{LidarOutput, LidarSettings, PoseSettings};
 
 const START_NS: i64 = 1_760_000_000_000_000_000;
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -172,6 +172,46 @@ impl Approved {
         let payload = serde_json::to_vec(envelope).unwrap();
         self.session.put(APPROVED, payload).await.unwrap();
     }
+}
+
+/// Beams of a scanner that no machine simulates at [`FAST`].
+const MANY_BEAMS: u32 = 16_384;
+/// Seconds of robots that are simulated too slowly, in one of real time.
+const FAST: NonZeroU32 = NonZeroU32::new(100).unwrap();
+/// Drive after which they still send what they measure now, ns.
+const DRIVEN_NS: i64 = 200_000_000_000;
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_that_is_too_slow_for_real_time_leaves_messages_out_and_goes_on() {
+    let (session, endpoint) = router().await;
+    let mut options = options(1, &endpoint);
+    options.rate = FAST;
+    for robot in &mut options.robots {
+        robot.config.lidar = LidarOutput::Scans(LidarSettings {
+            beams: MANY_BEAMS,
+            ..LidarSettings::default()
+        });
+    }
+    let received = collect(&session, "fleet/*/wheel_odometry", Encoding::Cdr).await;
+    let stop = CancellationToken::new();
+    let running = tokio::spawn(run_fleet(options, stop.clone()));
+    let stamps = || -> Vec<i64> {
+        let received = received.lock().unwrap();
+        let payloads = received.values().flatten();
+        let stamp = |payload: &Vec<u8>| {
+            let message = AckermannDriveStamped::from_cdr(payload).unwrap();
+            message.header.stamp.as_ns()
+        };
+        payloads.map(stamp).collect()
+    };
+    until("it drives on", || {
+        let last = stamps().last().copied();
+        last.is_some_and(|stamp_ns| stamp_ns - START_NS > DRIVEN_NS)
+    })
+    .await;
+    stop.cancel();
+    let summaries = running.await.unwrap().unwrap();
+    assert!(summaries[0].late > 0, "nothing was left out: {summaries:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

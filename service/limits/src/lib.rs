@@ -428,6 +428,14 @@ pub const ZENOH_UNFINISHED_BYTES_DEFAULT: usize =
 /// Part of the memory that the process may use which unfinished messages of all sessions without a
 /// name may fill together: one in so many.
 pub const ZENOH_UNFINISHED_MEMORY_PART: usize = 2;
+/// Part of the free memory that goes at once before Zenoh sessions are closed: one in so many.
+pub const ZENOH_SESSION_MEMORY_PART: u64 = 4;
+/// Largest memory that a service counts as settled, in quarters of what the process may use.
+pub const ZENOH_SESSION_MEMORY_SETTLED_QUARTERS: u64 = 3;
+/// Time after which memory counts as settled.
+pub const ZENOH_SESSION_MEMORY_RECENT: Duration = Duration::from_millis(500);
+/// Time between two measurements of memory, in which one session can fill some 5 MiB.
+pub const ZENOH_SESSION_MEMORY_LOOK_EVERY: Duration = Duration::from_millis(5);
 /// Sessions that Zenoh opens beyond, so that one can come while its place is still taken by
 /// another.
 pub const ZENOH_SESSIONS_OPENING_MAX: usize = 256;
