@@ -142,7 +142,7 @@ pub const CRATES: [Member; 30] = [
 /// for a border, and no border by itself: 8,500 would have cut routes from the documents that they
 /// answer with, and decisions about proposals from those about alerts; 9,500 would cut the actions
 /// on many robots from the single calls by whose code they decide.
-const SERVICE_CRATE_LINES_MAX: usize = 10_500;
+const SERVICE_CRATE_LINES_MAX: usize = 11_000;
 
 /// Returns the texts of the files below a folder with one of `endings`, by their paths below it.
 fn texts(folder: &Path, endings: &[&str]) -> BTreeMap<String, String> {
