@@ -14,6 +14,7 @@ mod cluster;
 mod dashboard;
 mod documentation;
 mod durations;
+mod each;
 mod export;
 mod forwarding;
 mod health;

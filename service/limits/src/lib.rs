@@ -1,8 +1,12 @@
 //! Every limit of the service: queues, caches, bodies, waits. One name each, all in one place.
 
+mod bulk;
+
 use std::time::Duration;
 
 use fleetcal_model::Stream;
+
+pub use bulk::*;
 
 /// Largest message that the Zenoh transport assembles, in bytes: the largest payload, its key and
 /// its attachment. A session can leave one unfinished on its reliable and one on its other channel.
@@ -339,16 +343,6 @@ pub const APPROVED_AT_ONCE_MAX: usize = 500;
 /// Time within which decisions of one request must begin, or are skipped: the request is answered
 /// before [`HTTP_WRITE_TIMEOUT`].
 pub const APPROVED_WITHIN: Duration = Duration::from_secs(4);
-/// Robots that one request acts on.
-pub const ACTED_AT_ONCE_MAX: usize = 500;
-/// Alerts of one robot that one request acknowledges.
-pub const ACKNOWLEDGED_OF_ROBOT_MAX: usize = 16;
-/// Decisions of one request that wait for the database together: they share a transaction.
-pub const DECIDED_TOGETHER: usize = 4;
-/// Robots that one request registers.
-pub const REGISTERED_AT_ONCE_MAX: usize = 1_000;
-/// Longest body of a request about many robots, in bytes.
-pub const BULK_BODY_BYTES_MAX: usize = 2 * 1024 * 1024;
 /// Rows of the audit in one file.
 pub const AUDIT_FILE_ROWS_MAX: u32 = 100_000;
 /// Longest row of a downloaded audit that is read, bytes.

@@ -8,7 +8,7 @@ const CONFIG = {
 } as Parameters<typeof typedOf>[0];
 
 describe('an edit of a vehicle', () => {
-  it('keeps what is not typed anew bit for bit', () => {
+  it('keeps what is not typed again bit for bit', () => {
     const typed = typedOf(CONFIG);
     expect(typed).toMatchObject({ wheelbase: '1.55', x_mm: '430.1', y_mm: '0' });
     const same = edited(CONFIG, typed);

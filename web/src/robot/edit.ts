@@ -44,7 +44,7 @@ export function typedOf(config: NonNullable<RobotDocument['config']>): Typed {
 }
 
 /**
- * Returns the configuration with the typed values; what is not typed anew keeps its value, and all
+ * Returns the configuration with the typed values; what is not typed again keeps its value, and all
  * other fields stay.
  */
 export function edited(config: NonNullable<RobotDocument['config']>, typed: Typed): Edited {

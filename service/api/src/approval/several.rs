@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::proposals::robot_of;
 use crate::ApiState;
 use crate::access::{Caller, count_writes};
-use crate::bulk::each;
+use crate::each::each;
 use crate::extract::{Body, NoParameters, Parameters, check_length};
 use crate::problem::Problem;
 

@@ -12,11 +12,11 @@ use fleetcal_proto::RobotId;
 use fleetcal_store::IdempotencyKey;
 use serde::{Deserialize, Serialize};
 
-use super::each;
 use crate::ApiState;
 use crate::access::{self, Caller};
 use crate::alerts::{AcknowledgementBody, acknowledge};
 use crate::approval::{NewProposalDocument, ReasonBody, close, propose, required_key, robot_of};
+use crate::each::each;
 use crate::extract::{Body, NoParameters, Parameters};
 use crate::problem::Problem;
 use crate::robots::{MaintenanceBody, bring_back, maintain, retire};

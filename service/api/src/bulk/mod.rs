@@ -1,7 +1,6 @@
 //! Routes about many robots: one action on each, and their registration.
 
 mod actions;
-mod each;
 mod entries;
 mod import;
 
@@ -9,8 +8,6 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::ApiState;
-
-pub(super) use each::each;
 
 /// Routes under `/fleet`.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {

@@ -1,26 +1,12 @@
 //! Retirement of a robot, and its return.
 
-use fleetcal_model::WallTime;
-use serde::{Deserialize, Serialize};
-
 use super::command::Command;
 use super::draft::Draft;
 use super::ledger::RobotLedger;
 use super::proposal::ProposalEvent;
 use super::refused::Refused;
+use super::shadow::Retirement;
 use super::transition::ShadowAction;
-
-/// Retirement: the robot has left the fleet. Its records stay, and its messages are refused.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub struct Retirement {
-    /// Person or tool that retired it.
-    pub by: String,
-    /// Time of the retirement, ns since 1970, wall time.
-    pub at_ns: WallTime,
-    /// Reason for the retirement.
-    pub reason: String,
-}
 
 /// Refuses commands on the records of a retired robot, except its return and what clears messages
 /// that wait for it.

@@ -6,7 +6,6 @@ use fleetcal_proto::calibration::AppliedStatus;
 use serde::{Deserialize, Serialize};
 
 use super::generation::{GenerationRef, InUse};
-use super::retirement::Retirement;
 use super::values::Change;
 
 /// Latest answer of a robot.
@@ -66,6 +65,18 @@ impl Maintenance {
     pub fn holds_at(&self, now: WallTime) -> bool {
         now < self.until_ns
     }
+}
+
+/// Retirement: the robot has left the fleet. Its records stay, and its messages are refused.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Retirement {
+    /// Person or tool that retired it.
+    pub by: String,
+    /// Time of the retirement, ns since 1970, wall time.
+    pub at_ns: WallTime,
+    /// Reason for the retirement.
+    pub reason: String,
 }
 
 /// Desired and reported state of one robot.
