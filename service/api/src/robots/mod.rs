@@ -10,10 +10,13 @@ mod events;
 mod history;
 mod list;
 mod manoeuvres;
+mod moments;
 mod recording;
 mod registration;
 mod retirement;
+mod support;
 mod top_view;
+mod view;
 
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -23,7 +26,6 @@ use super::ApiState;
 pub(super) use connection::{MaintenanceBody, connection_state, maintain};
 pub(super) use document::RobotStateDocument;
 pub(super) use events::EventDocument;
-pub(super) use list::SortSchema;
 pub(super) use recording::Recordings;
 pub(super) use registration::{check_config, check_room_for};
 pub(super) use retirement::{bring_back, retire};
@@ -32,6 +34,7 @@ pub(super) use retirement::{bring_back, retire};
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(list::list_robots))
+        .routes(routes!(view::get_view))
         .routes(routes!(
             registration::get_robot,
             registration::put_robot,
@@ -48,6 +51,9 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(manoeuvres::get_manoeuvres))
         .routes(routes!(top_view::get_top_view))
         .routes(routes!(recording::get_recording))
+        .routes(routes!(moments::list_moments, moments::keep_moment))
+        .routes(routes!(moments::get_moment))
+        .routes(routes!(support::get_support))
         .routes(routes!(connection::put_maintenance))
         .routes(routes!(retirement::bring_robot_back))
         .routes(routes!(retirement::list_retired))
