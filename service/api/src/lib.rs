@@ -8,11 +8,13 @@ mod access;
 mod alerts;
 mod answers;
 mod approval;
+mod bulk;
 mod certificates;
 mod cluster;
 mod dashboard;
 mod documentation;
 mod durations;
+mod each;
 mod export;
 mod forwarding;
 mod health;
@@ -247,6 +249,7 @@ pub fn openapi() -> utoipa::openapi::OpenApi {
 fn documented() -> OpenApiRouter<ApiState> {
     let timed = OpenApiRouter::new()
         .merge(robots::routes())
+        .merge(bulk::routes())
         .merge(access::routes())
         .merge(approval::routes())
         .merge(certificates::routes())

@@ -1,5 +1,6 @@
 //! Every limit of the service: queues, caches, bodies, waits. One name each, all in one place.
 
+mod bulk;
 mod moments;
 mod support;
 mod zenoh;
@@ -8,6 +9,7 @@ use std::time::Duration;
 
 use fleetcal_model::Stream;
 
+pub use bulk::*;
 pub use moments::*;
 pub use support::*;
 pub use zenoh::*;
@@ -326,7 +328,7 @@ pub const FOLLOWED_MAX: u32 = 10_000;
 pub const HTTP_PAGE_DEFAULT: u32 = 100;
 /// Proposals that one request approves.
 pub const APPROVED_AT_ONCE_MAX: usize = 500;
-/// Time within which approvals of one request must begin, or are skipped: the request is answered
+/// Time within which decisions of one request must begin, or are skipped: the request is answered
 /// before [`HTTP_WRITE_TIMEOUT`].
 pub const APPROVED_WITHIN: Duration = Duration::from_secs(4);
 /// Rows of the audit in one file.

@@ -3,6 +3,7 @@
 mod access;
 mod alerts;
 mod approval;
+mod bulk;
 mod certificates;
 mod checks;
 mod cluster;

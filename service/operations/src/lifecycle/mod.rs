@@ -412,8 +412,8 @@ impl Lifecycle {
             (state && in_use.generation == live.offer.generation)
                 .then_some((in_use.generation, in_use.since_ns))
         });
-        self.inner
-            .fleet
-            .use_values(&shadow.robot, &used, in_verification);
+        let fleet = &self.inner.fleet;
+        fleet.use_values(&shadow.robot, &used, in_verification);
+        fleet.set_retired(&shadow.robot, shadow.retired.is_some());
     }
 }

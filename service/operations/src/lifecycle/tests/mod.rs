@@ -4,6 +4,7 @@ mod certificates;
 mod driven;
 mod requests;
 mod restarts;
+mod retirement;
 mod return_journeys;
 mod robots;
 
