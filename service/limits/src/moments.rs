@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 /// Time for which a robot's latest messages stay in memory, to be written when something happens.
-pub const MOMENT_SPAN: Duration = Duration::from_secs(60);
+pub const MOMENT_SPAN: Duration = Duration::from_mins(1);
 /// Memory for a robot's latest messages, bytes: 60 s of a scanner of 1,000 beams at 10 Hz take 5 MB.
 pub const MOMENT_BYTES_OF_ROBOT_MAX: usize = 8 * 1024 * 1024;
 /// Memory for the latest messages of all robots, bytes, which those that send share equally.
