@@ -15,7 +15,7 @@ use fleetcal_domain::robot::{CrossTrack, RobotConfig};
 use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_folder::signing_key::{self, KeyError};
 use fleetcal_http::Connections;
-use fleetcal_http::PublicUrl;
+use fleetcal_http::{PublicUrl, SecurityContacts};
 use fleetcal_link::{Link, LinkError, LinkSetup, SessionMemory, Shares};
 use fleetcal_model::{AuditId, Generation, WallTime};
 use fleetcal_moments::Moments;
@@ -170,6 +170,7 @@ impl Service {
             access: AccessSetup {
                 public_url: config.public_url.clone(),
             },
+            security_contacts: security_contacts(&config),
             connections: connections.clone(),
             membership,
             peers,
@@ -262,6 +263,14 @@ impl Service {
             tracing::error!(%error, "the HTTP server failed");
         }
         closed
+    }
+}
+
+/// Makes the contents of `security.txt`.
+fn security_contacts(config: &Config) -> SecurityContacts {
+    SecurityContacts {
+        contacts: config.security_contacts.clone(),
+        url: config.public_url.clone(),
     }
 }
 
@@ -394,7 +403,7 @@ async fn start_workers(
     clock: &SharedClock,
 ) -> Result<Workers, ServiceError> {
     let draw = || entropy::secret().map_err(|error| std::io::Error::other(error.to_string()));
-    let (key, key_is_new) = match &config.cluster.signing_key {
+    let (keys, key_is_new) = match &config.cluster.signing_key {
         Some(path) => signing_key::load_or_make_at(path, draw)?,
         None => signing_key::load_or_make(&config.data, draw)?,
     };
@@ -403,7 +412,7 @@ async fn start_workers(
         fleet: fleet.clone(),
         clock: Arc::clone(clock),
         policy: config.approval,
-        key,
+        keys,
         membership: membership.clone(),
     })
     .await?;

@@ -74,7 +74,7 @@ pub const CRATES: [Member; 34] = [
         "service/sql",
         "cluster domain model proto store",
     ),
-    member("fleetcal-folder", "service/folder", "proto store"),
+    member("fleetcal-folder", "service/folder", "model proto store"),
     member(
         "fleetcal-sqlite",
         "service/sqlite",
@@ -153,9 +153,9 @@ pub const CRATES: [Member; 34] = [
 
 /// Largest number of lines of a crate of the service, tests left out. It is a size at which to look
 /// for a border, and no border by itself: 9,500 would have cut routes from the documents that they
-/// answer with, decisions about proposals from those about alerts, and retirement from the life
-/// cycle that it ends.
-const SERVICE_CRATE_LINES_MAX: usize = 10_500;
+/// answer with, decisions about proposals from those about alerts, retirement from the life cycle
+/// that it ends, and actions on many robots from the single calls by whose code they decide.
+const SERVICE_CRATE_LINES_MAX: usize = 11_000;
 
 /// Returns the texts of the files below a folder with one of `endings`, by their paths below it.
 fn texts(folder: &Path, endings: &[&str]) -> BTreeMap<String, String> {

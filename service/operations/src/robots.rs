@@ -3,6 +3,8 @@
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeMap;
+
 use async_trait::async_trait;
 use fleetcal_domain::access::{Actor, Authentication};
 use fleetcal_domain::audit::Action;
@@ -38,6 +40,29 @@ pub fn configure(
         actor,
         now: store.now(),
     };
+    Box::pin(async move { store.transact(job).await })
+}
+
+/// Stores the configurations of new robots, all or none.
+///
+/// # Errors
+/// [`StoreError::VersionConflict`] if one of them has a configuration already; otherwise the
+/// database's failure.
+pub fn register_all(
+    store: &Store,
+    robots: &BTreeMap<RobotId, RobotConfig>,
+    actor: Actor,
+) -> Boxed<Result<(), StoreError>> {
+    let store = store.clone();
+    let now = store.now();
+    let each = robots.iter().map(|(robot, config)| ConfigureRobot {
+        robot: robot.clone(),
+        config: config.clone(),
+        expected: Expected::Absent,
+        actor: actor.clone(),
+        now,
+    });
+    let job = RegisterRobots(each.collect());
     Box::pin(async move { store.transact(job).await })
 }
 
@@ -94,6 +119,22 @@ impl Job for ConfigureRobot {
         let before = robot.and_then(|robot| robot.config);
         records.append_audit(&self.audit(before.as_ref())).await?;
         Ok(version)
+    }
+}
+
+/// Job that stores the configurations of new robots in one transaction.
+#[derive(Debug, Clone)]
+struct RegisterRobots(Vec<ConfigureRobot>);
+
+#[async_trait]
+impl Job for RegisterRobots {
+    type Done = ();
+
+    async fn run(&self, records: &mut dyn Records) -> Result<(), StoreError> {
+        for robot in &self.0 {
+            robot.run(records).await?;
+        }
+        Ok(())
     }
 }
 

@@ -98,9 +98,9 @@ mod tests {
         writeln_whole(&mut log, coloured);
         let long = format!("robot.id=agv_9 {}", "ü".repeat(LOG_LINE_BYTES_MAX));
         writeln_whole(&mut log, &long);
-        let lines = of("agv_7");
-        assert_eq!(lines.len(), LOG_LINES_OF_ROBOT_MAX);
-        assert_eq!(lines[0], "WARN note 2 robot.id=agv_7 late=1");
+        let of_seven = of("agv_7");
+        assert_eq!(of_seven.len(), LOG_LINES_OF_ROBOT_MAX);
+        assert_eq!(of_seven[0], "WARN note 2 robot.id=agv_7 late=1");
         assert_eq!(of("agv_8"), ["WARN odd robot.id=agv_8"]);
         assert!(of("agv_9")[0].len() <= LOG_LINE_BYTES_MAX);
         assert_eq!(of("nobody"), [] as [String; 0]);

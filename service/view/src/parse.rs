@@ -157,7 +157,7 @@ impl Parser<'_> {
             let value = self.value()?;
             let value = match word {
                 Ok(word) => checked(word, value),
-                Err(_) => one_of(value, OPTIONAL),
+                Err(_) => one_of(&value, OPTIONAL),
             };
             values.push(value.map_err(|expected| self.refused(from, expected))?);
             if !self.take(',') {
@@ -259,18 +259,15 @@ fn duration(text: &str) -> Option<(u32, TimeUnit)> {
 fn checked(word: Word, value: String) -> Result<String, String> {
     match word {
         Word::Id | Word::Site | Word::Type | Word::Tag => Ok(value),
-        Word::Model => one_of(value, VehicleModel::ALL.iter().map(|one| one.name())),
-        Word::State => one_of(value, RobotState::ALL.iter().map(|one| one.name())),
-        Word::Standing => one_of(value, Standing::ALL.iter().map(|one| one.as_str())),
-        Word::Connection => one_of(value, ConnectionState::ALL.iter().map(|one| one.name())),
+        Word::Model => one_of(&value, VehicleModel::ALL.iter().map(|one| one.name())),
+        Word::State => one_of(&value, RobotState::ALL.iter().map(|one| one.name())),
+        Word::Standing => one_of(&value, Standing::ALL.iter().map(|one| one.as_str())),
+        Word::Connection => one_of(&value, ConnectionState::ALL.iter().map(|one| one.name())),
     }
 }
 
 /// Finds the value that a text names, in upper or lower case, with `_`, `-` or spaces.
-fn one_of(
-    value: String,
-    accepted: impl IntoIterator<Item = &'static str>,
-) -> Result<String, String> {
+fn one_of(value: &str, accepted: impl IntoIterator<Item = &'static str>) -> Result<String, String> {
     let wanted = value.to_lowercase().replace(['-', ' '], "_");
     let accepted: Vec<&str> = accepted.into_iter().collect();
     if accepted.contains(&wanted.as_str()) {

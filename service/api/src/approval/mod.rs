@@ -14,7 +14,9 @@ use utoipa_axum::routes;
 use super::ApiState;
 
 pub(super) use fleetcal_documents::CalibrationSummary;
-pub(super) use proposals::robot_named;
+pub(super) use proposals::{
+    NewProposalDocument, ReasonBody, close, propose, required_key, robot_named, robot_of,
+};
 
 pub(crate) use deployments::shadow_of;
 

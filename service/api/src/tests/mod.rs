@@ -3,6 +3,7 @@
 mod access;
 mod alerts;
 mod approval;
+mod bulk;
 mod certificates;
 mod checks;
 mod cluster;
@@ -40,7 +41,7 @@ use fleetcal_domain::approval::Policy;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_estimator::EstimatorSettings;
 use fleetcal_fleet::{FleetHandle, FleetSetup};
-use fleetcal_http::TrustedProxies;
+use fleetcal_http::{SecurityContact, SecurityContacts, TrustedProxies};
 use fleetcal_model::WallTime;
 use fleetcal_moments::Moments;
 use fleetcal_operations::accounts::{KeepSetupCode, TokenChange, change_token};
@@ -133,7 +134,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         fleet: fleet.clone(),
         clock: clock.clone(),
         policy: Policy::default(),
-        key: SigningKey::from_bytes(&[7; 32]),
+        keys: SigningKey::from_bytes(&[7; 32]).into(),
         membership: Membership::alone(),
     })
     .await
@@ -160,6 +161,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         membership: Membership::alone(),
         peers: Peers::default(),
         access: AccessSetup { public_url: None },
+        security_contacts: SecurityContacts::default(),
         connections: Connections::new(clock.clone(), TrustedProxies::default()),
         stop: stop.clone(),
     };

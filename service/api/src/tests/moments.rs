@@ -1,5 +1,7 @@
 //! Moments of a robot.
 
+use std::time::Duration;
+
 use fleetcal_model::{NoteKind, Stream};
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_robot::recording::Recording;
@@ -49,8 +51,8 @@ async fn a_moment_is_kept_on_request_and_downloaded() {
     for stamp_s in 1_000..1_010 {
         send(&bench, stamp_s).await;
     }
-    let kept = bench.send_body("POST", &format!("{URI}?note=odd%20noise"), &[], "");
-    let kept = kept.await;
+    let uri = format!("{URI}?note=odd%20noise");
+    let kept = bench.send_body("POST", &uri, &[], "").await;
     assert_eq!(kept.told(), "201");
     let kept = kept.json();
     assert_eq!(kept["kind"], "requested");

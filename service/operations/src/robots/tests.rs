@@ -217,3 +217,29 @@ async fn events_come_in_pages() {
         .collect();
     assert_eq!(notes, ["4", "3", "2", "1", "0"]);
 }
+
+#[tokio::test]
+async fn many_are_registered_all_or_none() {
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
+    let many = |names: &[&str]| {
+        let each = names.iter().map(|name| (robot(name), config(1.2)));
+        each.collect::<BTreeMap<_, _>>()
+    };
+    let register =
+        async |names: &[&str]| register_all(&store, &many(names), Actor::service()).await;
+    register(&["b", "c"]).await.unwrap();
+    let refused = register(&["a", "b", "d"]).await.unwrap_err();
+    assert!(
+        matches!(&refused, StoreError::VersionConflict { robot, .. } if robot.as_str() == "b"),
+        "{refused}"
+    );
+    let stored = store.load_robots().await.unwrap();
+    let ids: Vec<_> = stored.iter().map(|one| one.id.as_str()).collect();
+    assert_eq!(ids, ["b", "c"]);
+    let filter = fleetcal_store::AuditFilter {
+        limit: 10,
+        ..fleetcal_store::AuditFilter::default()
+    };
+    assert_eq!(store.audit(&filter).await.unwrap().len(), 2);
+}
