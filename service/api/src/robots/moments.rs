@@ -55,7 +55,7 @@ pub(super) async fn list_moments(
     let counts = api.moments.counts();
     let moments = api.moments.of(&id);
     Ok(Json(MomentsDocument {
-        moments: moments,
+        moments,
         dropped: counts.dropped,
         lost: counts.lost,
         memory_bytes: api.fleet.latest_data_bytes(),

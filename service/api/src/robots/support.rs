@@ -95,14 +95,14 @@ pub(super) async fn get_support(
     ))
 }
 
-/// Gathers the bundle. A document that the robot lacks is the problem that the API answers with.
-async fn bundle(api: &ApiState, id: &RobotId) -> Archive {
+/// Answers of the API about the robot, by name. For a document that the robot lacks it is a problem.
+async fn answers(api: &ApiState, id: &RobotId) -> [(&'static str, Response); 7] {
     let state = || State(api.clone());
     let path = || RobotPath(id.clone());
     let own = || OwnRobot(id.clone());
     let nothing = || Parameters(NoParameters {});
     let latest = events::EventParameters::default();
-    let documents = [
+    [
         (
             "robot",
             registration::get_robot(state(), path(), nothing())
@@ -139,11 +139,12 @@ async fn bundle(api: &ApiState, id: &RobotId) -> Archive {
                 .await
                 .into_response(),
         ),
-        (
-            "shadow",
-            crate::approval::shadow_of(api, id).into_response(),
-        ),
-    ];
+        ("shadow", crate::approval::shadow_of(api, id)),
+    ]
+}
+
+/// Gathers the bundle.
+async fn bundle(api: &ApiState, id: &RobotId) -> Archive {
     let mut archive = Archive::default();
     let about = json!({
         "robot": id,
@@ -153,7 +154,7 @@ async fn bundle(api: &ApiState, id: &RobotId) -> Archive {
         "instance_started_at": time::of(api.started_ns).to_string(),
     });
     archive.add("about.json", format!("{about:#}\n").into_bytes());
-    for (name, document) in documents {
+    for (name, document) in answers(api, id).await {
         let body = to_bytes(document.into_body(), limits::SUPPORT_DOCUMENT_BYTES_MAX).await;
         archive.add(&format!("{name}.json"), body.unwrap_or_default().into());
     }
