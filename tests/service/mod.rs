@@ -11,10 +11,12 @@ mod folder;
 mod hostile;
 mod json_schema;
 mod keys;
+mod moments;
 mod openapi;
 mod rest;
 mod robot_recording;
 mod ros2;
+mod support;
 
 use std::net::TcpListener;
 use std::path::PathBuf;

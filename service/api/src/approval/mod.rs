@@ -3,7 +3,6 @@
 mod audit;
 mod calibration;
 mod deployments;
-mod document;
 mod freeze;
 mod policy;
 mod proposals;
@@ -14,8 +13,10 @@ use utoipa_axum::routes;
 
 use super::ApiState;
 
-pub(super) use document::CalibrationSummary;
+pub(super) use fleetcal_documents::CalibrationSummary;
 pub(super) use proposals::robot_named;
+
+pub(crate) use deployments::shadow_of;
 
 /// Routes of the life cycle.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {

@@ -16,7 +16,6 @@ use fleetcal_store::{ProposalFilter, StoreError};
 use futures::FutureExt;
 use serde::{Deserialize, Serialize};
 
-use super::document::{Beside, ProposalDocument};
 use crate::ApiState;
 use crate::access::Caller;
 use crate::etag::{expected_version, versioned_json};
@@ -24,6 +23,7 @@ use crate::extract::{Body, NoParameters, Parameters, check_length, idempotency_k
 use crate::listing::{self, Numbered, Rows, number};
 use crate::page::page_limit;
 use crate::problem::Problem;
+use fleetcal_documents::{Beside, ProposalDocument};
 
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
