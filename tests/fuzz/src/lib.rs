@@ -42,7 +42,7 @@ pub fn input_of(seeds: &[Vec<u8>], seed: u64) -> Vec<u8> {
     damaged(seeds, &mut Draw::new(seed))
 }
 
-/// Reads one input.
+/// Reads one input; returns whether it was taken.
 ///
 /// # Errors
 /// The reader panicked, or took too long.
@@ -55,7 +55,7 @@ pub fn try_one(
     seed: Option<u64>,
     input: &[u8],
     scratch: &Path,
-) -> Result<(), Failure> {
+) -> Result<bool, Failure> {
     let began = Instant::now();
     let read = catch_unwind(AssertUnwindSafe(|| (target.read)(input, scratch)));
     let failure = |what| Failure {
@@ -70,7 +70,7 @@ pub fn try_one(
             let said = said.or_else(|| panic.downcast_ref::<&str>().map(|&text| text.to_owned()));
             Err(failure(format!("panicked: {}", said.unwrap_or_default())))
         }
-        Ok(()) if took > READ_MAX => Err(failure(format!("took {took:?}"))),
-        Ok(()) => Ok(()),
+        Ok(_) if took > READ_MAX => Err(failure(format!("took {took:?}"))),
+        Ok(taken) => Ok(taken),
     }
 }
