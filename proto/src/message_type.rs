@@ -1,5 +1,7 @@
 //! Type of a payload's ROS 2 message, and its spellings.
 
+use std::borrow::Cow;
+
 use fleetcal_model::Stream;
 use serde::{Deserialize, Serialize};
 
@@ -69,6 +71,86 @@ pub enum MessageType {
     /// The cloud of a 3D scanner.
     #[serde(rename = "sensor_msgs/msg/PointCloud2")]
     PointCloud2,
+}
+
+/// Evaluates an expression with `$message` as the message of a type.
+macro_rules! of_type {
+    ($of:expr, $message:ident => $then:expr) => {
+        match $of {
+            MessageType::AckermannDriveStamped => {
+                type $message = AckermannDriveStamped;
+                $then
+            }
+            MessageType::DriveSamples => {
+                type $message = DriveSamples;
+                $then
+            }
+            MessageType::JointState => {
+                type $message = JointState;
+                $then
+            }
+            MessageType::Odometry => {
+                type $message = Odometry;
+                $then
+            }
+            MessageType::TwistStamped => {
+                type $message = TwistStamped;
+                $then
+            }
+            MessageType::PoseStamped => {
+                type $message = PoseStamped;
+                $then
+            }
+            MessageType::LaserScan => {
+                type $message = LaserScan;
+                $then
+            }
+            MessageType::PointCloud2 => {
+                type $message = PointCloud2;
+                $then
+            }
+            MessageType::AckermannDrive => {
+                type $message = AckermannDrive;
+                $then
+            }
+            MessageType::DynamicJointState => {
+                type $message = DynamicJointState;
+                $then
+            }
+            MessageType::SteeringControllerStatus => {
+                type $message = SteeringControllerStatus;
+                $then
+            }
+            MessageType::TwistWithCovarianceStamped => {
+                type $message = TwistWithCovarianceStamped;
+                $then
+            }
+            MessageType::SteeringReport => {
+                type $message = SteeringReport;
+                $then
+            }
+            MessageType::VelocityReport => {
+                type $message = VelocityReport;
+                $then
+            }
+            MessageType::VescStateStamped => {
+                type $message = VescStateStamped;
+                $then
+            }
+            MessageType::Float32 => {
+                type $message = Float32;
+                $then
+            }
+            MessageType::Float64 => {
+                type $message = Float64;
+                $then
+            }
+            MessageType::MultiEchoLaserScan => {
+                type $message = MultiEchoLaserScan;
+                $then
+            }
+        }
+    };
 }
 
 impl MessageType {
@@ -141,26 +223,7 @@ impl MessageType {
 
     /// Returns its ROS 2 type, `sensor_msgs/msg/LaserScan`.
     pub const fn ros_type(self) -> &'static str {
-        match self {
-            Self::AckermannDriveStamped => AckermannDriveStamped::TYPE,
-            Self::DriveSamples => DriveSamples::TYPE,
-            Self::JointState => JointState::TYPE,
-            Self::Odometry => Odometry::TYPE,
-            Self::TwistStamped => TwistStamped::TYPE,
-            Self::PoseStamped => PoseStamped::TYPE,
-            Self::LaserScan => LaserScan::TYPE,
-            Self::PointCloud2 => PointCloud2::TYPE,
-            Self::AckermannDrive => AckermannDrive::TYPE,
-            Self::DynamicJointState => DynamicJointState::TYPE,
-            Self::SteeringControllerStatus => SteeringControllerStatus::TYPE,
-            Self::TwistWithCovarianceStamped => TwistWithCovarianceStamped::TYPE,
-            Self::SteeringReport => SteeringReport::TYPE,
-            Self::VelocityReport => VelocityReport::TYPE,
-            Self::VescStateStamped => VescStateStamped::TYPE,
-            Self::Float32 => Float32::TYPE,
-            Self::Float64 => Float64::TYPE,
-            Self::MultiEchoLaserScan => MultiEchoLaserScan::TYPE,
-        }
+        of_type!(self, M => M::TYPE)
     }
 
     /// Returns the steering and speed that a payload states; `None` for types without either, or
@@ -214,6 +277,18 @@ impl MessageType {
             Stream::LidarOdometry => Self::OF_LIDAR_ODOMETRY,
             Stream::Event => &[],
         }
+    }
+
+    /// Returns a payload in CDR: unchanged if it is, converted from JSON otherwise.
+    ///
+    /// # Errors
+    /// The JSON is not such a message.
+    pub fn to_cdr(self, encoding: Encoding, payload: &[u8]) -> Result<Cow<'_, [u8]>, DecodeError> {
+        if encoding == Encoding::Cdr {
+            return Ok(Cow::Borrowed(payload));
+        }
+        let cdr = of_type!(self, M => M::from_json(payload)?.to_cdr());
+        Ok(Cow::Owned(cdr))
     }
 
     /// Returns its name in the keys of `rmw_zenoh`, `sensor_msgs::msg::dds_::LaserScan_`.

@@ -11,8 +11,6 @@ pub use writer::CdrWriter;
 
 use thiserror::Error;
 
-use crate::ros::SamplesRefused;
-
 /// Most bytes that may follow a message's last field: senders pad to their word size.
 pub const PADDING_BYTES_MAX: usize = 7;
 /// Most strings in one sequence. A robot has some dozen joints.
@@ -82,9 +80,9 @@ pub enum CdrError {
         /// Accepted values, in words.
         accepted: &'static str,
     },
-    /// The drive samples contradict each other or are no numbers.
+    /// The fields contradict each other, in the words of their message type.
     #[error("{0}")]
-    Samples(#[from] SamplesRefused),
+    Contents(String),
     /// The payload continues behind the last field: it is of another type.
     #[error("{extra} bytes follow {field}, the last field; expected at most 7 of padding")]
     Trailing {

@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{RosMessage, Time, header, serde_forms};
+use super::{RosMessage, Time, serde_forms};
 use crate::cdr::{CdrError, CdrReader, CdrWriter};
 
 /// Most drive samples in one message: 100 ms of them at 250 Hz.
@@ -145,14 +145,14 @@ impl RosMessage for DriveSamples {
     fn read(mut reader: CdrReader<'_>) -> Result<Self, CdrError> {
         let read = |reader: &mut CdrReader<'_>| {
             Ok(MeasuredDrive {
-                stamp: header::read_time(reader, "samples.stamp.sec", "samples.stamp.nanosec")?,
+                stamp: Time::read(reader, "samples.stamp.sec", "samples.stamp.nanosec")?,
                 steering_angle: reader.f32("samples.steering_angle")?,
                 speed: reader.f32("samples.speed")?,
             })
         };
         let samples = reader.sequence("samples", SAMPLE_BYTES, DRIVE_SAMPLES_MAX, read)?;
         reader.finish("samples")?;
-        Ok(Self::new(samples)?)
+        Self::new(samples).map_err(|refused| CdrError::Contents(refused.to_string()))
     }
 
     fn write(&self, writer: &mut CdrWriter) {

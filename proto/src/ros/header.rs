@@ -22,6 +22,30 @@ pub struct Time {
 }
 
 impl Time {
+    /// Reads a time; its two fields have these names.
+    pub(super) fn read(
+        reader: &mut CdrReader<'_>,
+        sec: &'static str,
+        field: &'static str,
+    ) -> Result<Self, CdrError> {
+        let sec = reader.i32(sec)?;
+        let nanosec = reader.u32(field)?;
+        if nanosec >= NANOSEC_END {
+            let value = nanosec.to_string();
+            return Err(CdrError::Value {
+                field,
+                value,
+                accepted: "less than 1000000000",
+            });
+        }
+        Ok(Self { sec, nanosec })
+    }
+
+    pub(super) fn write(self, writer: &mut CdrWriter) {
+        writer.i32(self.sec);
+        writer.u32(self.nanosec);
+    }
+
     /// Returns the time in nanoseconds.
     pub fn as_ns(self) -> i64 {
         i64::from(self.sec) * i64::from(NANOSEC_END) + i64::from(self.nanosec)
@@ -50,14 +74,13 @@ pub struct Header {
 
 impl Header {
     pub(super) fn read(reader: &mut CdrReader<'_>) -> Result<Self, CdrError> {
-        let stamp = read_time(reader, "header.stamp.sec", "header.stamp.nanosec")?;
+        let stamp = Time::read(reader, "header.stamp.sec", "header.stamp.nanosec")?;
         let frame_id = reader.string("header.frame_id")?;
         Ok(Self { stamp, frame_id })
     }
 
     pub(super) fn write(&self, writer: &mut CdrWriter) {
-        writer.i32(self.stamp.sec);
-        writer.u32(self.stamp.nanosec);
+        self.stamp.write(writer);
         writer.string(&self.frame_id);
     }
 
@@ -65,25 +88,6 @@ impl Header {
         // Two words, the length, the NUL, and what aligns the next field.
         20 + self.frame_id.len()
     }
-}
-
-/// Reads a time; its two fields have these names.
-pub(super) fn read_time(
-    reader: &mut CdrReader<'_>,
-    sec: &'static str,
-    field: &'static str,
-) -> Result<Time, CdrError> {
-    let sec = reader.i32(sec)?;
-    let nanosec = reader.u32(field)?;
-    if nanosec >= NANOSEC_END {
-        let value = nanosec.to_string();
-        return Err(CdrError::Value {
-            field,
-            value,
-            accepted: "less than 1000000000",
-        });
-    }
-    Ok(Time { sec, nanosec })
 }
 
 /// Reads the nanoseconds of a stamp, which are less than a second.

@@ -1,4 +1,4 @@
-//! The ROS 2 messages that robots send, in CDR and in JSON with the same field names.
+//! The ROS 2 messages that robots send and that recordings have, in CDR and in JSON with the same field names.
 //!
 //! Fields, units and meaning are those of the public message definitions; what a field may hold
 //! physically is checked where it is used, not here.
@@ -6,12 +6,14 @@
 mod ackermann;
 mod drive_samples;
 mod dynamic_joint_state;
+mod estimate;
 mod float32;
 mod float64;
 mod header;
 mod joint_state;
 mod joints;
 mod laser_scan;
+mod log;
 mod multi_echo_laser_scan;
 mod odometry;
 mod point_cloud2;
@@ -30,11 +32,13 @@ pub use drive_samples::{
     DRIVE_SAMPLES_MAX, DRIVE_SAMPLES_SPAN_MAX_NS, DriveSamples, MeasuredDrive, SamplesRefused,
 };
 pub use dynamic_joint_state::{DynamicJointState, InterfaceValue};
+pub use estimate::{Estimate, ParameterEstimate};
 pub use float32::Float32;
 pub use float64::Float64;
 pub use header::{Header, Time};
 pub use joint_state::JointState;
 pub use laser_scan::{LaserScan, ScanRefused};
+pub use log::Log;
 pub use multi_echo_laser_scan::{LaserEcho, MultiEchoLaserScan};
 pub use odometry::{
     Covariance, Odometry, Pose, PoseWithCovariance, Quaternion, Twist, TwistWithCovariance, Vector3,

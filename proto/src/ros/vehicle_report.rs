@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::header::{Time, read_time};
+use super::header::Time;
 use super::wheels::{Joints, Unstated, WheelMessage, Wheels};
 use super::{Header, RosMessage};
 use crate::cdr::{CdrError, CdrReader, CdrWriter};
@@ -22,7 +22,7 @@ impl RosMessage for SteeringReport {
     const TYPE: &'static str = "autoware_vehicle_msgs/msg/SteeringReport";
 
     fn read(mut reader: CdrReader<'_>) -> Result<Self, CdrError> {
-        let stamp = read_time(&mut reader, "stamp.sec", "stamp.nanosec")?;
+        let stamp = Time::read(&mut reader, "stamp.sec", "stamp.nanosec")?;
         let steering_tire_angle = reader.f32("steering_tire_angle")?;
         reader.finish("steering_tire_angle")?;
         Ok(Self {

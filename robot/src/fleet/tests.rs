@@ -200,8 +200,8 @@ async fn a_robot_that_is_too_slow_for_real_time_leaves_messages_out_and_goes_on(
         let received = received.lock().unwrap();
         let payloads = received.values().flatten();
         let stamp = |payload: &Vec<u8>| {
-            let message = AckermannDriveStamped::from_cdr(payload).unwrap();
-            message.header.stamp.as_ns()
+            let message = DriveSamples::from_cdr(payload).unwrap();
+            message.samples().last().unwrap().stamp.as_ns()
         };
         payloads.map(stamp).collect()
     };

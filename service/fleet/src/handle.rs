@@ -2,6 +2,7 @@
 
 mod cluster;
 mod descriptions;
+mod recorded;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::Ordering;
@@ -40,7 +41,6 @@ use crate::peers::PeerSessions;
 use crate::registry::{Counts, Fleet, FleetCounters, Step, new_robot, scan_durations};
 use crate::robot::{Configured, Robot};
 use crate::senders::Origin;
-use crate::tap::TapReader;
 use crate::watch;
 
 /// Form and origin of a message on arrival.
@@ -377,23 +377,6 @@ impl FleetHandle {
             answer = answer => Ok(answer.ok().flatten()),
             () = self.fleet.stop.cancelled() => Ok(None),
         }
-    }
-
-    /// Opens a reader of the robot's session from now on.
-    ///
-    /// # Errors
-    /// The robot is unknown, unregistered and so without an estimator, or estimated by another
-    /// instance.
-    pub fn tap(&self, id: &RobotId) -> Result<TapReader, FleetRefused> {
-        let unknown = || FleetRefused::UnknownRobot(id.clone());
-        let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
-        if !robot.is_configured() {
-            return Err(FleetRefused::Unregistered(id.clone()));
-        }
-        if !robot.is_here() {
-            return Err(FleetRefused::Elsewhere(id.clone()));
-        }
-        Ok(robot.taps.open())
     }
 
     /// Subscribes to live updates from now on. A listener that lags by more than

@@ -39,7 +39,7 @@ use crate::registry::Fleet;
 use crate::robot::Robot;
 use crate::senders::{Origin, Senders, Sent};
 use crate::stored::{self, Restored};
-use crate::tap::Tapped;
+use crate::tapped::Tapped;
 use crate::top_view;
 use crate::verification_run::VerificationRun;
 use good::Good;
@@ -229,14 +229,9 @@ impl RobotTask {
             Ok(taken) => taken,
             Err(refused) => return Outcome::Refused(refused.to_string()),
         };
-        self.robot.taps.offer(|| {
-            let topic = self.recording_topic(*stream, *form)?;
-            Some(Tapped::Message {
-                stamp: taken.stamp,
-                topic,
-                payload: payload.as_slice().into(),
-            })
-        });
+        if let Some(topic) = self.recording_topic(*stream, *form) {
+            self.robot.taps.offer_message(taken.stamp, topic, payload);
+        }
         if let Some(pairing) = self.intake.pairing() {
             self.robot.set_pairing(pairing);
         }
@@ -453,7 +448,7 @@ impl RobotTask {
             return;
         };
         if let Some((stamp, pose)) = self.tapped_pose.advance(calibrator) {
-            self.robot.taps.offer(|| Some(Tapped::Pose(stamp, pose)));
+            self.robot.taps.offer(Tapped::Pose(stamp, pose));
         }
     }
 
@@ -474,7 +469,7 @@ impl RobotTask {
                 let change = document::change_document(&change);
                 self.changed |= change.kind == ChangeKind::CalibrationChanged;
                 let taps = &self.robot.taps;
-                taps.offer(|| Some(Tapped::Change(change.clone())));
+                taps.offer(Tapped::Change(change.clone()));
                 self.budgets
                     .record(&self.fleet, &self.robot.id, HistoryEvent::Change(change));
             }
@@ -482,7 +477,7 @@ impl RobotTask {
             Effect::ChangeSized(change) => {
                 let change = document::change_document(&change);
                 let taps = &self.robot.taps;
-                taps.offer(|| Some(Tapped::Change(change.clone())));
+                taps.offer(Tapped::Change(change.clone()));
                 self.budgets
                     .record(&self.fleet, &self.robot.id, HistoryEvent::Change(change));
             }
@@ -510,7 +505,7 @@ impl RobotTask {
         self.changed = state == RobotState::Changed;
         let document = Arc::new(document);
         let taps = &self.robot.taps;
-        taps.offer(|| Some(Tapped::Estimate(Arc::clone(&document))));
+        taps.offer(Tapped::Estimate(Arc::clone(&document)));
         self.robot.set_state(state);
         self.robot.set_reassembly_open(document.reassembly_open);
         self.robot.set_estimate(Arc::clone(&document));
@@ -567,7 +562,7 @@ impl RobotTask {
             note,
         };
         let taps = &self.robot.taps;
-        taps.offer(|| Some(Tapped::of_service_event(&event)));
+        taps.offer(Tapped::of_service_event(&event));
         self.budgets
             .record(&self.fleet, &self.robot.id, HistoryEvent::Service(event));
     }

@@ -11,9 +11,11 @@ mod properties;
 mod query;
 mod sort;
 mod table;
+mod word;
 
 pub use parse::QueryRefused;
 pub use properties::Properties;
-pub use query::{Comparison, Condition, Measure, Query, Term, TimeUnit, Word};
+pub use query::{Comparison, Condition, Measure, Query, Term, TimeUnit};
 pub use sort::{Position, PositionRefused, Sort, SortKey, SortRefused};
 pub use table::{COLUMNS, fields};
+pub use word::Word;

@@ -11,7 +11,8 @@ use strum::VariantArray;
 use thiserror::Error;
 
 use crate::properties::OPTIONAL;
-use crate::query::{Comparison, Condition, Measure, Query, Term, TimeUnit, Word};
+use crate::query::{Comparison, Condition, Measure, Query, Term, TimeUnit};
+use crate::word::Word;
 
 /// Reason for which a query was refused.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]

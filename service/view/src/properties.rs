@@ -6,7 +6,7 @@ use fleetcal_domain::robot::{ConnectionState, RobotState, RobotView};
 use fleetcal_domain::standing::Standing;
 use fleetcal_model::{Label, VehicleModel, WallTime};
 
-use crate::query::Word;
+use crate::word::Word;
 
 /// Properties that a robot may lack, as `no:` names them.
 pub(crate) const OPTIONAL: [&str; 6] = ["site", "type", "tag", "model", "deviation", "age"];

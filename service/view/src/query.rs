@@ -5,6 +5,7 @@ use std::fmt::{self, Write};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
 use crate::properties::Properties;
+use crate::word::Word;
 
 /// Conditions that a robot has to meet, all of them.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -32,28 +33,6 @@ pub enum Condition {
     Deviation(Comparison, f64),
     /// Time since the last message, compared with a number of units.
     Age(Comparison, u32, TimeUnit),
-}
-
-/// Property that is a word.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, EnumString, IntoStaticStr, VariantArray)]
-#[strum(serialize_all = "snake_case")]
-pub enum Word {
-    /// Id of the robot.
-    Id,
-    /// Site of the robot.
-    Site,
-    /// Type of the vehicle by its maker.
-    Type,
-    /// One of the robot's tags.
-    Tag,
-    /// Steering of the vehicle.
-    Model,
-    /// State of the robot's estimate.
-    State,
-    /// Standing of the robot.
-    Standing,
-    /// Connection of the robot.
-    Connection,
 }
 
 /// Property that is a number.
@@ -90,13 +69,6 @@ pub enum TimeUnit {
     Hour,
     /// Days.
     Day,
-}
-
-impl Word {
-    /// The name in queries.
-    pub fn name(self) -> &'static str {
-        self.into()
-    }
 }
 
 impl Comparison {

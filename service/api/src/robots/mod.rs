@@ -10,8 +10,10 @@ mod events;
 mod history;
 mod list;
 mod manoeuvres;
+mod moments;
 mod recording;
 mod registration;
+mod support;
 mod top_view;
 mod view;
 
@@ -42,6 +44,9 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(manoeuvres::get_manoeuvres))
         .routes(routes!(top_view::get_top_view))
         .routes(routes!(recording::get_recording))
+        .routes(routes!(moments::list_moments, moments::keep_moment))
+        .routes(routes!(moments::get_moment))
+        .routes(routes!(support::get_support))
         .routes(routes!(connection::put_maintenance))
         .routes(routes!(events::list_events, events::post_event))
 }
