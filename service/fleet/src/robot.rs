@@ -336,11 +336,12 @@ impl Robot {
             return Configured::GoesOn;
         }
         status.config_version = status.config_version.next();
-        let Some(former) = status.config.replace(config.clone()) else {
+        let Some(former) = status.config.replace(config) else {
             status.state = RobotState::NoData;
             return Configured::First;
         };
-        let configured = Configured::by_change(&former, &config, defaults);
+        let by_change = |config| Configured::by_change(&former, config, defaults);
+        let configured = status.config.as_ref().map_or(Configured::GoesOn, by_change);
         if configured == Configured::GoesOn {
             return configured;
         }

@@ -28,7 +28,7 @@ fn a_retired_robot_only_comes_back() {
     });
     assert_eq!(bench.try_to(retire(), &bo), refused);
     let maintain = Command::Maintain {
-        until_ns: Some(bench.now.plus(std::time::Duration::from_secs(60))),
+        until_ns: Some(bench.now.plus(std::time::Duration::from_mins(1))),
         reason: "x".to_owned(),
     };
     assert_eq!(bench.try_to(maintain.clone(), &bo), refused);
