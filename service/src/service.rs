@@ -1,6 +1,7 @@
 //! The whole service in one value: what `serve` runs, and `demo` runs beside its robots.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -127,10 +128,7 @@ impl Service {
     pub async fn start(config: Config, clock: SharedClock) -> Result<Self, ServiceError> {
         let link_setup = link_setup(&config)?;
         let membership = link_setup.membership.clone();
-        let refused = |source| ServiceError::Http {
-            address: config.http,
-            source,
-        };
+        let refused = http_refused(config.http);
         let listener = fleetcal_http::listen(config.http).map_err(refused)?;
         let http_address = listener.local_addr().map_err(refused)?;
         let store = database::open(&config, Arc::clone(&clock)).await?;
@@ -138,11 +136,7 @@ impl Service {
         let last_decided = store.audit_last().await?;
         let fleet = start_fleet(&config, &store, &membership, Arc::clone(&clock)).await?;
         let workers = start_workers(&config, &store, &fleet, &membership, &clock).await?;
-        let moments = Moments::start(&config.data, fleet.clone(), Arc::clone(&clock));
-        let moments = moments.map_err(|source| ServiceError::Moments {
-            folder: config.data.clone(),
-            source,
-        })?;
+        let moments = start_moments(&config, &fleet, &clock)?;
         let stop = CancellationToken::new();
         let peers = cluster::peers(&config, http_address, stop.clone())?;
         let part = Part {
@@ -272,6 +266,23 @@ fn security_contacts(config: &Config) -> SecurityContacts {
         contacts: config.security_contacts.clone(),
         url: config.public_url.clone(),
     }
+}
+
+/// Returns the error of an HTTP address that cannot be used.
+fn http_refused(address: SocketAddr) -> impl Fn(io::Error) -> ServiceError {
+    move |source| ServiceError::Http { address, source }
+}
+
+fn start_moments(
+    config: &Config,
+    fleet: &FleetHandle,
+    clock: &SharedClock,
+) -> Result<Moments, ServiceError> {
+    let moments = Moments::start(&config.data, fleet.clone(), Arc::clone(clock));
+    moments.map_err(|source| ServiceError::Moments {
+        folder: config.data.clone(),
+        source,
+    })
 }
 
 /// Makes the largest numbers of Zenoh sessions.

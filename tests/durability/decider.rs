@@ -181,6 +181,7 @@ impl Worker {
                     by: None,
                 }),
                 present: Present::Unknown,
+                is_sending: false,
             };
             // Numbers that the store gives to nothing.
             let ids = NextIds {

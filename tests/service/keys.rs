@@ -1,5 +1,6 @@
 //! Replacement of the service's signing key under robots that hold a calibration.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -53,10 +54,12 @@ impl Site {
         let configured = binary::run(["simulate", "--robots", "2", "--configuration"]);
         let mut config = String::from_utf8(configured.stdout).unwrap();
         for robot in [PRESENT, WITHOUT, AWAY] {
-            config += &format!(
+            let added = write!(
+                config,
                 "[[robot]]\nid = \"{robot}\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\
                  nominal_extrinsics = {{ x_m = 0.4, y_m = 0.0, yaw_rad = 0.0 }}\n\n"
             );
+            added.unwrap();
         }
         let service = Service::start_with(&config);
         let key = public_key(&service);
@@ -138,10 +141,10 @@ fn approve(service: &Service, robot: &str, steering_offset_rad: f64) {
         let version = format!("If-Match: \"{}\"\r\n", proposal["version"]);
         proposal = service.send(&request, &approver, &version, &body);
         if proposal["state"] == "approved" {
-            return;
+            break;
         }
     }
-    panic!("not approved: {proposal}");
+    assert_eq!(proposal["state"], "approved", "{proposal}");
 }
 
 /// Waits until a robot has reported a generation as in use.

@@ -1,6 +1,7 @@
 //! Support bundle of a robot: complete, a readable archive, and without secrets.
 
 use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 use fleetcal_tests::service::Service;
@@ -8,6 +9,21 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use super::{recorded, send, sender};
+
+/// Returns the files of an archive, by their names, as Python reads them.
+fn unpacked(zip: &Path) -> Value {
+    let script = "import json, sys, zipfile\nwith zipfile.ZipFile(sys.argv[1]) as archive:\n \
+                  assert archive.testzip() is None\n print(json.dumps({name: \
+                  archive.read(name).decode('latin-1') for name in archive.namelist()}))";
+    let read = Command::new("python3")
+        .args(["-c", script])
+        .arg(zip)
+        .output()
+        .unwrap();
+    let printed = String::from_utf8_lossy(&read.stderr);
+    assert!(read.status.success(), "{printed}");
+    serde_json::from_slice(&read.stdout).unwrap()
+}
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_support_bundle_has_what_it_lists_and_no_secret() {
@@ -54,17 +70,7 @@ async fn a_support_bundle_has_what_it_lists_and_no_secret() {
         .arg(format!("{}/api/v1/robots/tugger_01/support", service.url()))
         .status();
     assert!(fetched.unwrap().success());
-    let script = "import json, sys, zipfile\nwith zipfile.ZipFile(sys.argv[1]) as archive:\n \
-                  assert archive.testzip() is None\n print(json.dumps({name: \
-                  archive.read(name).decode('latin-1') for name in archive.namelist()}))";
-    let read = Command::new("python3")
-        .args(["-c", script])
-        .arg(&zip)
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&read.stderr);
-    assert!(read.status.success(), "{said}");
-    let files: Value = serde_json::from_slice(&read.stdout).unwrap();
+    let files = unpacked(&zip);
     let files = files.as_object().unwrap();
     assert_eq!(files.keys().collect::<Vec<_>>(), {
         let mut sorted = listed.clone();
@@ -77,7 +83,9 @@ async fn a_support_bundle_has_what_it_lists_and_no_secret() {
     assert!(json("estimate.json")["detection"].is_object());
     // Nothing in the archive is compressed but recordings, whose packed messages are the robot's.
     let key = fs::read(service.data().join("signing.key")).unwrap();
-    let key_in_hex: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
+    let key_in_hex = key
+        .iter()
+        .fold(String::new(), |text, byte| format!("{text}{byte:02x}"));
     let webhook_secret = secret["secret"].as_str().unwrap();
     let texts = [planted, &admin, &token, &key_in_hex, webhook_secret];
     let bytes = fs::read(&zip).unwrap();

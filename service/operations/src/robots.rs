@@ -51,7 +51,7 @@ pub fn configure(
 pub fn register_all(
     store: &Store,
     robots: &BTreeMap<RobotId, RobotConfig>,
-    actor: Actor,
+    actor: &Actor,
 ) -> Boxed<Result<(), StoreError>> {
     let store = store.clone();
     let now = store.now();

@@ -102,7 +102,7 @@ pub enum Command {
 pub enum CommandError {
     /// A command that opens no data folder failed, or a step that all commands share.
     #[error(transparent)]
-    WithoutData(#[from] fleetcal_command::CommandError),
+    WithoutData(Box<fleetcal_command::CommandError>),
     /// The signing key was not replaced.
     #[error(transparent)]
     Key(#[from] KeyError),
@@ -191,7 +191,7 @@ macro_rules! from_without_data {
     ($($cause:ty),+) => {$(
         impl From<$cause> for CommandError {
             fn from(cause: $cause) -> Self {
-                Self::WithoutData(cause.into())
+                Self::WithoutData(Box::new(cause.into()))
             }
         }
     )+};
@@ -205,6 +205,12 @@ from_without_data!(
     TooManyRobots,
     ValueRefused
 );
+
+impl From<fleetcal_command::CommandError> for CommandError {
+    fn from(error: fleetcal_command::CommandError) -> Self {
+        Self::WithoutData(Box::new(error))
+    }
+}
 
 impl CommandError {
     /// Returns the exit status of the program.

@@ -165,9 +165,11 @@ fn recording(input: &[u8], path: &Path) -> bool {
     };
     // One that fails is the last.
     let messages = messages.take(MESSAGES_MAX).flatten();
-    messages.fold(false, |any, message| {
-        self::messages(&message.payload, false) || any
-    })
+    let mut any = false;
+    for message in messages {
+        any |= self::messages(&message.payload, false);
+    }
+    any
 }
 
 fn keys(input: &[u8]) -> bool {

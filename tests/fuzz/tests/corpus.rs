@@ -2,7 +2,6 @@
 
 #![expect(
     clippy::panic,
-    clippy::print_stdout,
     reason = "a test that cannot go on fails, and prints its figures"
 )]
 

@@ -183,7 +183,7 @@ async fn register(
     robots: BTreeMap<RobotId, RobotConfig>,
     actor: Actor,
 ) -> Result<(), Problem> {
-    register_all(&api.store, &robots, actor).await?;
+    register_all(&api.store, &robots, &actor).await?;
     for (id, config) in robots {
         api.fleet.configure(&id, config)?;
     }

@@ -1,5 +1,7 @@
 //! Actions on many robots in one request.
 
+use std::fmt::Write as _;
+
 use fleetcal_domain::limits;
 use serde_json::json;
 
@@ -242,7 +244,7 @@ async fn five_hundred_are_registered_by_one_request() {
         nominal_extrinsics.yaw_rad\n"
         .to_owned();
     for number in 0..500 {
-        table += &format!("agv_{number:03},tricycle,1.2,0.43,0,0\n");
+        writeln!(table, "agv_{number:03},tricycle,1.2,0.43,0,0").unwrap();
     }
     let dry = import(&bench, "?dry_run=true", "text/csv", table.clone())
         .await

@@ -109,16 +109,13 @@ async fn bench_after_restart(robots: &[&str]) -> Bench {
     bench_of(robots, heard.collect()).await
 }
 
-async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> Bench {
-    let database = TestDatabase::new().await;
-    let clock = MockClock::at(NOW_NS);
-    let store = database.open(clock.clone()).await;
-    for name in robots {
-        let actor = Actor::service();
-        let done = configure(&store, &robot(name), &config(), Expected::Absent, actor);
-        done.await.unwrap();
-    }
-    let fleet = FleetHandle::start(FleetSetup {
+fn fleet_of(
+    robots: &[&str],
+    last_heard: BTreeMap<RobotId, WallTime>,
+    store: &Store,
+    clock: &Arc<MockClock>,
+) -> FleetHandle {
+    FleetHandle::start(FleetSetup {
         clock: clock.clone(),
         journal: Arc::new(store.clone()),
         estimator: EstimatorSettings::default(),
@@ -128,7 +125,19 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         last_heard,
         audited: fleetcal_model::AuditId(0),
         membership: fleetcal_cluster::Membership::alone(),
-    });
+    })
+}
+
+async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> Bench {
+    let database = TestDatabase::new().await;
+    let clock = MockClock::at(NOW_NS);
+    let store = database.open(clock.clone()).await;
+    for name in robots {
+        let actor = Actor::service();
+        let done = configure(&store, &robot(name), &config(), Expected::Absent, actor);
+        done.await.unwrap();
+    }
+    let fleet = fleet_of(robots, last_heard, &store, &clock);
     let lifecycle = Lifecycle::start(LifecycleSetup {
         store: store.clone(),
         fleet: fleet.clone(),

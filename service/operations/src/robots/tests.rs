@@ -227,7 +227,7 @@ async fn many_are_registered_all_or_none() {
         each.collect::<BTreeMap<_, _>>()
     };
     let register =
-        async |names: &[&str]| register_all(&store, &many(names), Actor::service()).await;
+        async |names: &[&str]| register_all(&store, &many(names), &Actor::service()).await;
     register(&["b", "c"]).await.unwrap();
     let refused = register(&["a", "b", "d"]).await.unwrap_err();
     assert!(
