@@ -269,7 +269,7 @@ fn security_contacts(config: &Config) -> SecurityContacts {
 }
 
 /// Returns the error of an HTTP address that cannot be used.
-fn http_refused(address: SocketAddr) -> impl Fn(io::Error) -> ServiceError {
+fn http_refused(address: SocketAddr) -> impl Fn(io::Error) -> ServiceError + Copy {
     move |source| ServiceError::Http { address, source }
 }
 

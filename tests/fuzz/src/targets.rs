@@ -165,11 +165,8 @@ fn recording(input: &[u8], path: &Path) -> bool {
     };
     // One that fails is the last.
     let messages = messages.take(MESSAGES_MAX).flatten();
-    let mut any = false;
-    for message in messages {
-        any |= self::messages(&message.payload, false);
-    }
-    any
+    let taken = messages.filter(|message| self::messages(&message.payload, false));
+    taken.count() > 0
 }
 
 fn keys(input: &[u8]) -> bool {

@@ -1,9 +1,6 @@
 //! Genuine inputs, inputs that failed once, and the first seeds of each target.
 
-#![expect(
-    clippy::panic,
-    reason = "a test that cannot go on fails, and prints its figures"
-)]
+#![expect(clippy::panic, reason = "a test that cannot go on fails")]
 
 use fleetcal_fuzz::mutation::Draw;
 use fleetcal_fuzz::targets::{TARGETS, Target};
