@@ -345,7 +345,7 @@ mod tests {
             "id",
             "model",
             "wheelbase_m",
-            "speed_",
+            "speed_measured_at",
             "nominal_extrinsics",
             "wheel_odometry",
             "rear_axle_in",

@@ -163,7 +163,7 @@ pub fn keys() -> Vec<Vec<u8>> {
         "0/jazzy_01/scan/sensor_msgs::msg::dds_::LaserScan_/RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828",
         "@ros2_lv/0/aa/1/2/MP/%/%jazzy_01/node/%jazzy_01%scan/sensor_msgs::msg::dds_::LaserScan_/RIHS01_64c1/::,10:,:,:,,",
         "@/aa/@ros2_lv/MP/jazzy_01§scan/sensor_msgs§msg§LaserScan/:::",
-        "{robot}/scan",
+        "{robot}/{topic}",
         "tcp/127.0.0.1:7447#iface=lo",
         "quic/[::1]:7447",
         "00112233445566778899aabbccddeeff",

@@ -45,7 +45,7 @@ pub(super) struct ImportAnswer {
 
 /// Registers many robots, all or none.
 ///
-/// The body is a list in JSON or a table in CSV, whose first line names its columns: `id`, `model`,
+/// The body is a list in JSON, or a table (`Content-Type: text/csv`), whose first line names its columns: `id`, `model`,
 /// `wheelbase_m` and any other field of a configuration, nested ones with dots, such as
 /// `nominal_extrinsics.x_m`. A dry run names every wrong line. Robots that exist are not changed,
 /// but refused, so that a repeated request registers nothing twice.
@@ -54,7 +54,7 @@ pub(super) struct ImportAnswer {
     path = "/fleet/import",
     tag = "robots",
     params(ImportParameters),
-    request_body(content((ImportBody = "application/json"), (String = "text/csv"))),
+    request_body = ImportBody,
     responses(
         (status = OK, description = "The outcome of a dry run", body = ImportAnswer),
         (status = CREATED, description = "All robots are registered", body = ImportAnswer),

@@ -121,7 +121,7 @@ fn a_refusal_names_the_part_its_position_and_what_is_accepted() {
         ),
         (
             "model:truck",
-            "got \"truck\" at character 7, expected one of bicycle, tricycle",
+            "got \"truck\" at character 7, expected one of bicycle, tricycle, rear_steered",
         ),
         (
             "connection:online,off",
