@@ -5,7 +5,7 @@ pub const ACTED_AT_ONCE_MAX: usize = 500;
 /// Alerts of one robot that one request acknowledges.
 pub const ACKNOWLEDGED_OF_ROBOT_MAX: usize = 16;
 /// Decisions of one request that wait for the database together: they share a transaction.
-pub const DECIDED_TOGETHER: usize = 4;
+pub const DECIDED_TOGETHER: usize = 32;
 /// Robots that one request registers.
 pub const REGISTERED_AT_ONCE_MAX: usize = 1_000;
 /// Longest body of a request about many robots, in bytes.
