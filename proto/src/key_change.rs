@@ -5,7 +5,6 @@
 //! leads anywhere. A change travels as an [`Envelope`](crate::calibration::Envelope).
 
 use std::collections::BTreeSet;
-use std::time::Duration;
 
 use fleetcal_model::WallTime;
 use serde::{Deserialize, Serialize};
@@ -18,6 +17,8 @@ use crate::signing::{
 
 /// Most changes that are kept: those before them are dropped first.
 pub const KEY_CHANGES_MAX: usize = 64;
+/// Most bytes of a signed change as JSON, on the wire and in a file: one has about 700.
+pub const KEY_CHANGE_BYTES_MAX: usize = 2048;
 
 /// Schema of a change of key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -41,8 +42,8 @@ pub struct KeyChangeDocument {
     pub public_key: PublicKey,
     /// Time of the change by the service's clock, ns since 1970.
     pub changed_at_ns: WallTime,
-    /// Time for which the former key is accepted beside the new one, s: by the service's clock from
-    /// the change on, by a robot's from the moment at which it takes the new key over.
+    /// Time for which a robot accepts the former key beside the new one, s: by its clock, from the
+    /// moment at which it takes the new key over.
     pub former_accepted_s: u32,
 }
 
@@ -50,19 +51,12 @@ impl Statement for KeyChangeDocument {
     const SCHEMA: &'static str = "fleetcal.key_change/1";
 }
 
-impl KeyChangeDocument {
-    /// Returns the end of the time in which the change is announced.
-    pub fn announced_until(&self) -> WallTime {
-        self.changed_at_ns
-            .plus(Duration::from_secs(self.former_accepted_s.into()))
-    }
-}
-
-/// Announcement of a change, beside the answer to a robot's query for its calibration.
+/// Announcement of the changes, beside the answer to a robot's query for its calibration. It has no
+/// end: a robot that was away follows them when it comes back.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct KeyAnnouncement {
-    /// The signed change.
-    pub key_change: Envelope,
+    /// The signed changes, oldest first.
+    pub key_changes: Vec<Envelope>,
 }
 
 /// Reason for which changes of key do not lead from one key to the next.
@@ -164,10 +158,10 @@ impl KeyChanges {
         Ok(())
     }
 
-    /// Returns the last change while it is announced.
-    pub fn announced(&self, now: WallTime) -> Option<(&KeyChangeDocument, &Envelope)> {
-        let (document, envelope) = self.0.last()?;
-        (now < document.announced_until()).then_some((document, envelope))
+    /// Returns the announcement of the changes; `None` if there are none.
+    pub fn announcement(&self) -> Option<KeyAnnouncement> {
+        let key_changes = self.envelopes();
+        (!key_changes.is_empty()).then_some(KeyAnnouncement { key_changes })
     }
 
     /// Returns the signed changes, oldest first.
@@ -320,10 +314,15 @@ mod tests {
     }
 
     #[test]
-    fn a_change_is_announced_for_its_time() {
-        let changes = chain(3);
-        let is_announced = |s: i64| changes.announced(WallTime(s * 1_000_000_000)).is_some();
-        assert!(is_announced(2) && is_announced(61) && !is_announced(62));
-        assert_eq!(KeyChanges::default().announced(WallTime(0)), None);
+    fn all_changes_are_announced_and_fit_their_limit() {
+        let changes = chain(70);
+        let announced = changes.announcement().unwrap();
+        assert_eq!(
+            KeyChanges::check(announced.key_changes.clone()),
+            Ok(changes)
+        );
+        let bytes = serde_json::to_vec(&announced).unwrap().len();
+        assert!(bytes < KEY_CHANGES_MAX * KEY_CHANGE_BYTES_MAX, "{bytes}");
+        assert_eq!(KeyChanges::default().announcement(), None);
     }
 }

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
+use fleetcal_proto::signing::SigningKey;
 use fleetcal_tests::binary;
 use fleetcal_tests::service::{Service, wait_for};
 use serde_json::{Value, json};
@@ -15,7 +16,7 @@ const SIMULATED: [&str; 2] = ["tugger_01", "tugger_02"];
 const PRESENT: &str = "agent_01";
 /// Robot without a calibration, whose agent is connected meanwhile.
 const WITHOUT: &str = "agent_02";
-/// Robot that is away while both keys count.
+/// Robot that is away during two changes, and longer than both keys count elsewhere.
 const AWAY: &str = "agent_03";
 
 /// A process of the robots' side, killed when it goes out of scope.
@@ -164,11 +165,11 @@ fn wait_until_settled(site: &Site, robot: &str) {
 }
 
 #[test]
-fn robots_take_a_new_signing_key_over_and_one_that_was_away_is_named() {
+fn robots_take_a_new_signing_key_over_also_when_they_come_back_later() {
     let mut site = Site::start();
     let former = site.key.clone();
     let _simulated = site.simulated();
-    let mut present = site.agent(PRESENT, &former);
+    let present = site.agent(PRESENT, &former);
     let _without = site.agent(WITHOUT, &former);
     let away = site.agent(AWAY, &former);
     for robot in [SIMULATED[0], PRESENT] {
@@ -181,7 +182,9 @@ fn robots_take_a_new_signing_key_over_and_one_that_was_away_is_named() {
     let head = site.service.get("/api/v1/audit/head").to_string();
     std::fs::write(site.path("head.json"), head).unwrap();
 
-    site.rotate("40s");
+    // One on the heels of the other.
+    site.rotate("1m");
+    site.rotate("1m");
     let new = public_key(&site.service);
     for robot in [PRESENT, WITHOUT] {
         wait_for("the new key on the robot's disk", || {
@@ -200,8 +203,7 @@ fn robots_take_a_new_signing_key_over_and_one_that_was_away_is_named() {
             (!keys.contains(&former)).then_some(())
         });
     }
-    present.0.kill().unwrap();
-    present.0.wait().unwrap();
+    drop(present);
     let _present = site.agent(PRESENT, &former);
     approve(&site.service, WITHOUT, 0.01);
     wait_until_used(&site, WITHOUT, 1);
@@ -211,19 +213,26 @@ fn robots_take_a_new_signing_key_over_and_one_that_was_away_is_named() {
     wait_until_settled(&site, PRESENT);
     assert_eq!(site.memory(PRESENT)["held"]["generation"], 1);
 
-    // Who was away refuses, says why, and takes it once it is given the key.
+    // Who was away follows the changes when it comes back.
     let away = site.agent(AWAY, &former);
     approve(&site.service, AWAY, 0.01);
-    let refused = wait_for("the refusal of the robot that was away", || {
+    wait_until_used(&site, AWAY, 1);
+    drop(away);
+
+    // One to whose key no change is signed refuses, says why, and goes on once it is given the key.
+    let stranger = SigningKey::from_bytes(&[9; 32]).public_key().to_string();
+    let lost = site.agent(AWAY, &stranger);
+    approve(&site.service, AWAY, 0.011);
+    let refused = wait_for("the refusal of the robot that knows another key", || {
         let path = format!("/api/v1/robots/{AWAY}/deployments?limit=1");
         let deployment = site.service.get(&path)["items"][0].clone();
         (deployment["state"] == "refused").then_some(deployment)
     });
     assert!(refused.to_string().contains("--service-key"), "{refused}");
-    drop(away);
-    let _away = site.agent(AWAY, &new);
-    approve(&site.service, AWAY, 0.011);
-    wait_until_used(&site, AWAY, 2);
+    drop(lost);
+    let _lost = site.agent(AWAY, &new);
+    approve(&site.service, AWAY, 0.012);
+    wait_until_used(&site, AWAY, 3);
 
     heads_stay_verifiable(&site, &former);
 }
@@ -267,21 +276,28 @@ fn heads_stay_verifiable(site: &Site, former: &str) {
 }
 
 #[test]
-fn a_key_that_was_just_replaced_is_not_replaced_again() {
+fn a_key_that_was_just_replaced_can_be_replaced_again() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("signing.key");
     std::fs::write(&file, [7; 32]).unwrap();
-    let rotate = || binary::run(["key", "rotate", "--signing-key", file.to_str().unwrap()]);
-    let first = rotate();
+    let rotate = |span: &str| {
+        let place = ["key", "rotate", "--signing-key", file.to_str().unwrap()];
+        binary::run(place.iter().chain(&["--accept-former-for", span]))
+    };
+    let first = rotate("30d");
     let printed = String::from_utf8_lossy(&first.stdout).into_owned();
     assert!(
         first.status.success() && printed.contains("signing.key.changes"),
         "{printed}"
     );
     let key = std::fs::read(&file).unwrap();
-    let again = rotate();
-    let said = String::from_utf8_lossy(&again.stderr).into_owned();
-    assert_eq!(again.status.code(), Some(2), "{said}");
-    assert!(said.contains("changed already"), "{said}");
+    let short = rotate("59s");
+    let said = String::from_utf8_lossy(&short.stderr).into_owned();
+    assert_eq!(short.status.code(), Some(2), "{said}");
+    assert!(said.contains("60 s at least"), "{said}");
     assert_eq!(std::fs::read(&file).unwrap(), key, "the key stays");
+    assert!(rotate("1m").status.success());
+    assert_ne!(std::fs::read(&file).unwrap(), key);
+    let changes = std::fs::read_to_string(folder.path().join("signing.key.changes"));
+    assert_eq!(changes.unwrap().lines().count(), 2);
 }

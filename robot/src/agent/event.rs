@@ -23,8 +23,8 @@ pub enum Event {
     },
     /// The service has confirmed a stored acknowledgement.
     Confirmed(Confirmed),
-    /// The service announces a change of its signing key.
-    KeyChanged(Envelope),
+    /// The service announces the changes of its signing key, oldest first.
+    KeyChanged(Vec<Envelope>),
     /// A service came up.
     ServiceUp,
     /// Time passed.

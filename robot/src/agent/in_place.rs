@@ -2,9 +2,12 @@
 //! a sensor of Autoware's `sensors_calibration.yaml`. Everything else in the file stays, and the file
 //! as it was is kept beside it.
 
+use std::cmp::Reverse;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use fleetcal_model::{Generation, Pose2};
+use roxmltree::{Document, Node};
 
 use super::file::{self, FileError};
 
@@ -45,17 +48,63 @@ pub(super) enum Format {
     Autoware,
 }
 
+/// Places in a file of the agent's comment, of x, of y and of yaw, in bytes.
+type Places = [Range<usize>; 4];
+
 impl Format {
-    /// Returns the text with the pose in it; height, roll and pitch stay.
+    /// Returns the text with the pose in it; everything else stays.
     ///
     /// # Errors
     /// What the text lacks.
     pub fn patched(self, text: &str, placed: &Placed<'_>) -> Result<String, String> {
+        let Pose2 { x_m, y_m, yaw_rad } = placed.lidar;
+        let (frame, note) = (placed.frame, note(placed));
+        let content = match self {
+            Self::Urdf => [
+                format!("<!-- {note} -->"),
+                format!("{x_m:.6}"),
+                format!("{y_m:.6}"),
+                format!("{yaw_rad:.8}"),
+            ],
+            Self::Autoware => [
+                format!("{frame}: # {note}"),
+                format!("x: {x_m:.8}"),
+                format!("y: {y_m:.8}"),
+                format!("yaw: {yaw_rad:.8}"),
+            ],
+        };
+        let content = content.each_ref().map(String::as_str);
+        Ok(filled(text, self.places(text, placed)?, content))
+    }
+
+    /// Returns the text with the pose of the file as it was; everything else stays.
+    ///
+    /// # Errors
+    /// What one of the two lacks.
+    fn restored(self, text: &str, was: &str, placed: &Placed<'_>) -> Result<String, String> {
+        let content = self.places(was, placed)?;
+        let content = content.map(|place| was.get(place).unwrap_or_default());
+        Ok(filled(text, self.places(text, placed)?, content))
+    }
+
+    fn places(self, text: &str, placed: &Placed<'_>) -> Result<Places, String> {
         match self {
             Self::Urdf => urdf(text, placed),
             Self::Autoware => autoware(text, placed),
         }
     }
+}
+
+/// Returns the text with the content in its places.
+fn filled(text: &str, places: Places, content: [&str; 4]) -> String {
+    let mut places: Vec<_> = places.into_iter().zip(content).collect();
+    // From behind, so that the places before stay.
+    places.sort_by_key(|(place, _)| Reverse(place.start));
+    let mut filled = text.to_owned();
+    for (place, content) in places {
+        filled.replace_range(place, content);
+    }
+    filled
 }
 
 /// Writes a pose into a file, and keeps the file as it was.
@@ -77,13 +126,23 @@ pub(super) fn write(path: &Path, format: Format, placed: &Placed<'_>) -> Result<
     file::replace(path, &patched)
 }
 
-/// Restores a file as it was before the agent's first change.
-pub(super) fn restore(path: &Path) -> Result<(), FileError> {
+/// Restores the pose as it was before the agent's first change: what others have changed in the file
+/// since then stays. A file that is gone comes back whole.
+pub(super) fn restore(path: &Path, format: Format, placed: &Placed<'_>) -> Result<(), FileError> {
     let former = former(path);
-    let Some(text) = file::read(&former)? else {
+    let Some(was) = file::read(&former)? else {
         return Ok(());
     };
-    file::replace(path, &text)?;
+    let restored = match file::read(path)? {
+        Some(text) => format
+            .restored(&text, &was, placed)
+            .map_err(|reason| FileError::Values {
+                path: path.to_owned(),
+                reason,
+            })?,
+        None => was,
+    };
+    file::replace(path, &restored)?;
     file::remove(&former)
 }
 
@@ -119,119 +178,87 @@ fn note(placed: &Placed<'_>) -> String {
     format!("{MARK}{generation}, {frame} in {base_link}")
 }
 
-/// Replaces x, y and yaw of the LiDAR's joint.
-fn urdf(text: &str, placed: &Placed<'_>) -> Result<String, String> {
+/// Finds the origin of the LiDAR's joint.
+fn urdf(text: &str, placed: &Placed<'_>) -> Result<Places, String> {
     let (base_link, frame) = (placed.base_link, placed.frame);
-    let lacks = || {
+    let begin = text.len() - text.trim_start().len();
+    let xml = text.get(begin..).unwrap_or_default();
+    let document = Document::parse(xml).map_err(|error| format!("not an XML file: {error}"))?;
+    let joints = document.descendants().filter(|node| {
+        node.has_tag_name("joint")
+            && link(*node, "parent") == Some(base_link)
+            && link(*node, "child") == Some(frame)
+    });
+    let joints: Vec<Node<'_, '_>> = joints.collect();
+    if joints.len() > 1 {
+        let number = joints.len();
+        return Err(format!(
+            "{number} joints with the parent {base_link} and the child {frame}, expected one"
+        ));
+    }
+    let places = joints.first().and_then(|joint| origin(xml, *joint));
+    let places = places.ok_or_else(|| {
         format!(
             "no joint with the parent {base_link}, the child {frame} and an <origin xyz=\"…\" \
              rpy=\"…\"/> of numbers"
         )
-    };
-    let mut from = 0;
-    while let Some(begin) = text.get(from..).and_then(|rest| rest.find("<joint")) {
-        let begin = from + begin;
-        let length = text.get(begin..).and_then(|rest| rest.find("</joint>"));
-        let end = begin + length.ok_or_else(lacks)?;
-        let joint = text.get(begin..end).unwrap_or_default();
-        from = end;
-        if link(joint, "parent") != Some(base_link) || link(joint, "child") != Some(frame) {
-            continue;
-        }
-        let patched = joint_at(joint, placed).ok_or_else(lacks)?;
-        let (before, after) = (text.get(..begin), text.get(end..));
-        return Ok([
-            before.unwrap_or_default(),
-            &patched,
-            after.unwrap_or_default(),
-        ]
-        .concat());
-    }
-    Err(lacks())
+    })?;
+    Ok(places.map(|place| begin + place.start..begin + place.end))
 }
 
 /// Returns the link that an element of a joint names.
-fn link<'j>(joint: &'j str, element: &str) -> Option<&'j str> {
-    let (_, rest) = joint.split_once(&format!("<{element} "))?;
-    attribute(rest.split_once('>')?.0, "link").map(|(_, value)| value)
+fn link<'d>(joint: Node<'d, '_>, element: &'static str) -> Option<&'d str> {
+    let mut children = joint.children();
+    let child = children.find(|child| child.has_tag_name(element))?;
+    child.attribute("link")
 }
 
-/// Returns an attribute's place and value.
-fn attribute<'e>(element: &'e str, name: &str) -> Option<(usize, &'e str)> {
-    for quote in ['"', '\''] {
-        let key = format!("{name}={quote}");
-        if let Some(at) = element.find(&key) {
-            let begin = at + key.len();
-            let (value, _) = element.get(begin..)?.split_once(quote)?;
-            return Some((begin, value));
+/// Returns the places in a joint's origin. The comment's is before it, if there is none yet.
+fn origin(xml: &str, joint: Node<'_, '_>) -> Option<Places> {
+    let mut children = joint.children();
+    let origin = children.find(|child| child.has_tag_name("origin"))?;
+    let is_note = |child: &Node<'_, '_>| {
+        let comment = child.text().filter(|_| child.is_comment());
+        comment.is_some_and(|text| text.trim_start().starts_with(MARK))
+    };
+    let note = joint.children().find(is_note);
+    let before = origin.range().start..origin.range().start;
+    let note = note.map_or(before, |note| note.range());
+    let [x, y, _] = three(xml, origin, "xyz")?;
+    let [_, _, yaw] = three(xml, origin, "rpy")?;
+    Some([note, x, y, yaw])
+}
+
+/// Returns the places of three numbers; `None` for an expression of xacro.
+fn three(xml: &str, element: Node<'_, '_>, name: &str) -> Option<[Range<usize>; 3]> {
+    let value = element.attribute_node(name)?.range_value();
+    let mut at = value.start;
+    let mut places = Vec::new();
+    for part in xml.get(value)?.split_inclusive(char::is_whitespace) {
+        let number = part.trim_end();
+        if !number.is_empty() {
+            number.parse::<f64>().ok()?;
+            places.push(at..at + number.len());
         }
+        at += part.len();
     }
-    None
+    places.try_into().ok()
 }
 
-/// Returns the joint with the pose in its origin, and with the comment before it.
-fn joint_at(joint: &str, placed: &Placed<'_>) -> Option<String> {
-    let Pose2 { x_m, y_m, yaw_rad } = placed.lidar;
-    let joint = without_note(joint);
-    let at = joint.find("<origin")?;
-    let length = joint.get(at..)?.find('>')?;
-    let origin = joint.get(at..at + length)?;
-    let (xyz_at, xyz) = attribute(origin, "xyz")?;
-    let (rpy_at, rpy) = attribute(origin, "rpy")?;
-    let [_, _, z] = three(xyz)?;
-    let [roll, pitch, _] = three(rpy)?;
-    let mut replaced = [
-        (xyz_at, xyz.len(), format!("{x_m:.6} {y_m:.6} {z}")),
-        (rpy_at, rpy.len(), format!("{roll} {pitch} {yaw_rad:.8}")),
-    ];
-    // From behind, so that the places before stay.
-    replaced.sort_by_key(|&(at, ..)| std::cmp::Reverse(at));
-    let mut patched = origin.to_owned();
-    for (at, length, value) in replaced {
-        patched.replace_range(at..at + length, &value);
-    }
-    let (before, after) = (joint.get(..at)?, joint.get(at + length..)?);
-    Some(format!("{before}<!-- {} -->{patched}{after}", note(placed)))
-}
-
-/// Removes the comment of a former change.
-fn without_note(joint: &str) -> String {
-    let begin = joint.find(&format!("<!-- {MARK}"));
-    let end = begin.and_then(|at| Some(at + joint.get(at..)?.find("-->")? + 3));
-    match begin.zip(end) {
-        Some((begin, end)) => {
-            let (before, after) = (joint.get(..begin), joint.get(end..));
-            [before.unwrap_or_default(), after.unwrap_or_default()].concat()
-        }
-        None => joint.to_owned(),
-    }
-}
-
-/// Returns three numbers as they are written; `None` for an expression of xacro.
-fn three(text: &str) -> Option<[&str; 3]> {
-    let parts: Vec<&str> = text.split_whitespace().collect();
-    let parts: [&str; 3] = parts.try_into().ok()?;
-    parts
-        .iter()
-        .all(|part| part.parse::<f64>().is_ok())
-        .then_some(parts)
-}
-
-/// Replaces x, y and yaw of the LiDAR under its base frame.
-fn autoware(text: &str, placed: &Placed<'_>) -> Result<String, String> {
-    let Pose2 { x_m, y_m, yaw_rad } = placed.lidar;
+/// Finds the lines of the LiDAR under its base frame, without their indents and ends.
+fn autoware(text: &str, placed: &Placed<'_>) -> Result<Places, String> {
     let (base_link, frame) = (placed.base_link, placed.frame);
-    let values = [("x", x_m), ("y", y_m), ("yaw", yaw_rad)];
-    let mut written = 0;
+    let mut found = [const { Vec::new() }; 4];
     let (mut in_base, mut in_frame) = (false, None);
-    let mut patched = String::with_capacity(text.len() + 100);
+    let mut at = 0;
     for line in text.split_inclusive('\n') {
         let content = line.split('#').next().unwrap_or_default().trim_end();
         let indent = content.len() - content.trim_start().len();
+        let place = at + indent..at + line.trim_end().len();
+        at += line.len();
         let (key, value) = content.split_once(':').unwrap_or((content, ""));
         let (key, value) = (key.trim(), value.trim());
         if key.is_empty() {
-            patched.push_str(line);
             continue;
         }
         if indent == 0 {
@@ -240,26 +267,29 @@ fn autoware(text: &str, placed: &Placed<'_>) -> Result<String, String> {
         if in_frame.is_some_and(|of| indent <= of) {
             in_frame = None;
         }
-        let is_frame = in_base && indent > 0 && key == frame && value.is_empty();
-        let new = values.iter().find(|(name, _)| *name == key);
-        if is_frame {
+        let [notes, values @ ..] = &mut found;
+        if in_base && indent > 0 && key == frame && value.is_empty() {
             in_frame = Some(indent);
-            patched.extend([content, " # ", &note(placed), "\n"]);
-        } else if let (Some(_), Some((name, value))) = (in_frame, new) {
-            written += 1;
-            let before = line.get(..indent).unwrap_or_default();
-            let value = format!("{value:.8}");
-            patched.extend([before, name, ": ", &value, "\n"]);
-        } else {
-            patched.push_str(line);
+            notes.push(place);
+        } else if in_frame.is_some() {
+            let names = ["x", "y", "yaw"].into_iter().zip(values);
+            for (_, places) in names.filter(|(name, _)| *name == key) {
+                places.push(place.clone());
+            }
         }
     }
-    if written == values.len() {
-        return Ok(patched);
-    }
-    Err(format!(
-        "no entry {base_link}: {frame}: with x, y and yaw, each on a line of its own"
-    ))
+    let [Some(note), Some(x), Some(y), Some(yaw)] = found.map(only) else {
+        return Err(format!(
+            "no entry {base_link}: {frame}: with x, y and yaw, each on one line of its own"
+        ));
+    };
+    Ok([note, x, y, yaw])
+}
+
+/// Returns the only place; `None` if there are several or none.
+fn only(places: Vec<Range<usize>>) -> Option<Range<usize>> {
+    let [place] = <[Range<usize>; 1]>::try_from(places).ok()?;
+    Some(place)
 }
 
 #[cfg(test)]
@@ -291,7 +321,7 @@ mod tests {
 
     #[test]
     fn autowares_file_keeps_all_but_the_pose() {
-        let patched = autoware(SENSORS, &PLACED).unwrap();
+        let patched = Format::Autoware.patched(SENSORS, &PLACED).unwrap();
         let wanted = SENSORS
             .replace(
                 "# by tape",
@@ -300,7 +330,10 @@ mod tests {
             .replace("x: -0.358\n    y: 0.0", "x: 1.25000000\n    y: -0.50000000")
             .replace("yaw: 3.14\n", "yaw: 0.12500000\n");
         assert_eq!(patched, wanted);
-        assert_eq!(autoware(&patched, &PLACED).unwrap(), patched);
+        assert_eq!(
+            Format::Autoware.patched(&patched, &PLACED).unwrap(),
+            patched
+        );
         let elsewhere = SENSORS.replace("base_link:\n  sensor", "sensor_kit:\n  sensor");
         assert!(
             autoware(&elsewhere, &PLACED)
@@ -311,14 +344,14 @@ mod tests {
 
     #[test]
     fn a_urdf_keeps_all_but_the_origin() {
-        let patched = urdf(URDF, &PLACED).unwrap();
+        let patched = Format::Urdf.patched(URDF, &PLACED).unwrap();
         let wanted = URDF.replace(
             "<origin rpy=\"0.1 0.2 0.3\" xyz=\"1 2 0.75\"/>",
             "<!-- fleetcal: generation 7, velodyne_rear_base_link in base_link --><origin \
              rpy=\"0.1 0.2 0.12500000\" xyz=\"1.250000 -0.500000 0.75\"/>",
         );
         assert_eq!(patched, wanted);
-        assert_eq!(urdf(&patched, &PLACED).unwrap(), patched);
+        assert_eq!(Format::Urdf.patched(&patched, &PLACED).unwrap(), patched);
         for wrong in [
             URDF.replace("velodyne_rear", "front"),
             URDF.replace("xyz=\"1 2 0.75\"", "xyz=\"${x} 2 0.75\""),
@@ -329,6 +362,48 @@ mod tests {
                 "{wrong}"
             );
         }
+    }
+
+    const JOINT: &str = "<joint name=\"lidar\" type=\"fixed\"><parent link=\"base_link\"/><child \
+        link=\"velodyne_rear_base_link\"/><origin xyz=\"1 2 0.75\" rpy=\"0 0 0.3\"/></joint>";
+
+    /// Wraps the inside of a robot.
+    fn robot(inside: &str) -> String {
+        format!("<robot name=\"r\">{inside}</robot>\n")
+    }
+
+    #[test]
+    fn the_joint_alone_is_changed_whatever_looks_like_one() {
+        let patched = |inside: &str| Format::Urdf.patched(&robot(inside), &PLACED);
+        let joint = patched(JOINT).unwrap();
+        let joint = joint.strip_prefix("<robot name=\"r\">").unwrap();
+        let joint = joint.strip_suffix("</robot>\n").unwrap();
+        let visual = "<visual><origin xyz=\"0 0 0\" rpy=\"0 0 0\"/></visual>";
+        for before in [
+            format!(
+                "<gazebo><joint_name>wheel</joint_name></gazebo><link name=\"l\">{visual}</link>"
+            ),
+            format!(
+                "<transmission><joint name=\"wheel\"/></transmission><link name=\"l\">{visual}</link>"
+            ),
+            format!("<!-- {} -->", JOINT.replace("1 2 0.75", "5 5 5")),
+            "<joint name=\"a>b\" type=\"fixed\"><!-- <child link=\"velodyne_rear_base_link\"/> -->\
+             <parent link=\"base_link\"/><child link=\"imu\"/><origin xyz=\"9 9 9\" rpy=\"0 0 0\"/>\
+             </joint>"
+                .to_owned(),
+        ] {
+            let found = patched(&format!("{before}{JOINT}")).unwrap();
+            assert_eq!(found, robot(&format!("{before}{joint}")));
+            assert_eq!(Format::Urdf.patched(&found, &PLACED).unwrap(), found);
+            assert!(
+                patched(&before).unwrap_err().contains("no joint"),
+                "{before}"
+            );
+        }
+        let twice = patched(&format!("{JOINT}{JOINT}")).unwrap_err();
+        assert!(twice.contains("2 joints"), "{twice}");
+        let torn = patched(&format!("{JOINT}<link>")).unwrap_err();
+        assert!(torn.contains("XML"), "{torn}");
     }
 
     #[test]
@@ -345,10 +420,10 @@ mod tests {
         write(&path, Format::Autoware, &next).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert!(text.contains("generation 8") && !text.contains("generation 7"));
-        restore(&path).unwrap();
+        restore(&path, Format::Autoware, &PLACED).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), SENSORS);
         assert!(!former(&path).exists());
-        restore(&path).unwrap();
+        restore(&path, Format::Autoware, &PLACED).unwrap();
         let sentence = check(&folder.path().join("none.yaml"), Format::Urdf, &PLACED);
         assert!(sentence.unwrap_err().to_string().contains("does not exist"));
     }

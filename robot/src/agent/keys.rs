@@ -20,8 +20,6 @@ pub struct KeyRing {
     given: Vec<PublicKey>,
     /// Number of the last change; earlier ones are never taken again.
     sequence: u64,
-    /// SHA-256 of the last change.
-    sha256: String,
     /// Keys in use, oldest first.
     keys: Vec<AcceptedKey>,
 }
@@ -63,7 +61,6 @@ impl KeyRing {
         let keys = given.iter().map(|&key| AcceptedKey { key, end: None });
         Self {
             sequence: 0,
-            sha256: String::new(),
             keys: keys.collect(),
             given,
         }
@@ -79,21 +76,57 @@ impl KeyRing {
         TrustedKeys::new(self.keys.iter().map(|accepted| accepted.key).collect()).ok()
     }
 
-    /// Returns the keys after a change, and the change; `None` if it was the last one that was
-    /// taken.
+    /// Returns the keys after changes, of which the oldest comes first, and those that were new;
+    /// none are if the last one leads to a key in use.
+    pub(super) fn following(
+        &self,
+        changes: &[Envelope],
+        now: RobotTime,
+    ) -> Result<(Self, Vec<KeyChangeDocument>), String> {
+        let (mut ring, mut taken) = (self.clone(), Vec::new());
+        let lasting = self.lasting()?;
+        let is_known = |id: &str| lasting.keys().any(|key| key.id() == id);
+        let new = changes
+            .iter()
+            .skip_while(|change| !is_known(&change.key_id));
+        for change in new {
+            let document;
+            (ring, document) = ring.after(change, now)?;
+            taken.push(document);
+        }
+        let strange = changes.last().filter(|last| !self.is_led_to(last));
+        if let (true, Some(strange)) = (taken.is_empty(), strange) {
+            // Its refusal names the key that is missing.
+            self.after(strange, now)?;
+        }
+        Ok((ring, taken))
+    }
+
+    /// True if a change leads to a key in use. Its signature does not count: nothing follows from it.
+    fn is_led_to(&self, change: &Envelope) -> bool {
+        let document = serde_json::from_str::<KeyChangeDocument>(&change.document);
+        document.is_ok_and(|document| {
+            let mut keys = self.keys.iter();
+            keys.any(|accepted| accepted.key == document.public_key)
+        })
+    }
+
+    /// Returns the keys that were not replaced.
+    fn lasting(&self) -> Result<TrustedKeys, String> {
+        let lasting = self.keys.iter().filter(|accepted| accepted.end.is_none());
+        let lasting = TrustedKeys::new(lasting.map(|accepted| accepted.key).collect());
+        lasting.map_err(|refused| refused.to_string())
+    }
+
+    /// Returns the keys after a change, and the change.
     ///
     /// Only a key that was not replaced may name its successor: one that has leaked since cannot.
-    pub(super) fn after(
+    fn after(
         &self,
         change: &Envelope,
         now: RobotTime,
-    ) -> Result<Option<(Self, KeyChangeDocument)>, String> {
-        if change.sha256 == self.sha256 {
-            return Ok(None);
-        }
-        let lasting = self.keys.iter().filter(|accepted| accepted.end.is_none());
-        let lasting = TrustedKeys::new(lasting.map(|accepted| accepted.key).collect());
-        let lasting = lasting.map_err(|refused| refused.to_string())?;
+    ) -> Result<(Self, KeyChangeDocument), String> {
+        let lasting = self.lasting()?;
         let document: KeyChangeDocument = change
             .open_as(&lasting)
             .map_err(|refused| with_remedy(&refused))?;
@@ -115,7 +148,6 @@ impl KeyRing {
         }
         let mut next = self.clone();
         next.sequence = document.sequence;
-        next.sha256.clone_from(&change.sha256);
         next.keys
             .retain(|accepted| accepted.key != document.public_key);
         let former = next
@@ -130,7 +162,7 @@ impl KeyRing {
             end: None,
         });
         next.make_room();
-        Ok(Some((next, document)))
+        Ok((next, document))
     }
 
     /// Drops the oldest keys beyond the most that are trusted at once.

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use fleetcal_proto::calibration::{Applied, Confirmed};
-use fleetcal_proto::key_change::KeyAnnouncement;
+use fleetcal_proto::key_change::{KEY_CHANGE_BYTES_MAX, KEY_CHANGES_MAX, KeyAnnouncement};
 use fleetcal_proto::offer::{Offered, QUESTION_BYTES, Question};
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
@@ -30,8 +30,8 @@ const TURN_WITHIN: Duration = Duration::from_secs(10);
 const INCOMING_MAX: usize = 8;
 /// Longest confirmation that is read, bytes.
 const CONFIRMED_BYTES_MAX: usize = 4096;
-/// Longest announcement of a change of key that is read, bytes.
-const KEY_ANNOUNCEMENT_BYTES_MAX: usize = 4096;
+/// Longest announcement of changes of key that is read, bytes.
+const KEY_ANNOUNCEMENT_BYTES_MAX: usize = KEY_CHANGES_MAX * KEY_CHANGE_BYTES_MAX;
 
 /// Declarations of a robot's calibration keys.
 #[derive(Debug)]
@@ -122,7 +122,7 @@ fn key_announced(payload: &[u8]) -> Option<Event> {
         return None;
     }
     let announcement: KeyAnnouncement = serde_json::from_slice(payload).ok()?;
-    Some(Event::KeyChanged(announcement.key_change))
+    Some(Event::KeyChanged(announcement.key_changes))
 }
 
 fn confirmed(sample: &Sample) -> Answer {

@@ -104,7 +104,7 @@ impl Outputs {
     }
 
     /// Writes these values, of this generation, which came with this pose of the rear axle, to all
-    /// files; `None` removes the agent's own files and restores the others.
+    /// files; `None` removes the agent's own files and restores the pose in the others.
     pub(super) fn write(
         &self,
         values: Option<&CalibrationValues>,
@@ -115,7 +115,10 @@ impl Outputs {
         for (kind, path) in &self.files {
             match (values, kind.in_place()) {
                 (None, None) => file::remove(path)?,
-                (None, Some(_)) => in_place::restore(path)?,
+                (None, Some(format)) => {
+                    let placed = self.placed(Pose2::IDENTITY, generation);
+                    in_place::restore(path, format, &placed)?;
+                }
                 (Some(values), Some(format)) => {
                     let placed = self.placed(lidar_in_base_link(values, rear_axle), generation);
                     in_place::write(path, format, &placed)?;
@@ -316,6 +319,46 @@ mod tests {
         outputs.check(&[]).unwrap();
         outputs.write(None, None, GENERATION).unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_withdrawal_keeps_what_others_changed_since() {
+        let folder = tempfile::tempdir().unwrap();
+        let urdf = "<robot name=\"r\"><joint name=\"l\" type=\"fixed\">\r\n<parent \
+            link=\"base_link\"/><child link=\"laser\"/><origin xyz=\"1.0 2 0.75\" rpy=\"0.1 0 0.3\"/>\
+            </joint></robot>";
+        let sensors = "base_link:\n  laser: # by tape\n    x: 1.0 # m\n    y: 2\n    z: 0.75\n    \
+            yaw: 0.3\nother: 1\n";
+        let files = [
+            (OutputKind::UrdfJoint, "robot.urdf", urdf),
+            (OutputKind::AutowareCalibration, "sensors.yaml", sensors),
+        ];
+        let path = |name: &str| folder.path().join(name);
+        let outputs = Outputs {
+            files: files.map(|(kind, name, _)| (kind, path(name))).to_vec(),
+            frames: VehicleFrames::default(),
+        };
+        let read = |name: &str| fs::read_to_string(path(name)).unwrap();
+        // An upgrade of the package moves the LiDAR up and adds to the file.
+        let upgraded = |text: &str| {
+            text.replace("0.75", "0.8")
+                .replace("other", "new: 2\nother")
+        };
+        for upgraded in [str::to_owned, upgraded] {
+            for (_, name, text) in files {
+                fs::write(path(name), text).unwrap();
+            }
+            outputs.write(Some(&values()), None, GENERATION).unwrap();
+            for (_, name, text) in files {
+                assert_ne!(read(name), text);
+                fs::write(path(name), upgraded(&read(name))).unwrap();
+            }
+            outputs.write(None, None, GENERATION).unwrap();
+            for (_, name, text) in files {
+                assert_eq!(read(name), upgraded(text));
+            }
+            assert_eq!(fs::read_dir(folder.path()).unwrap().count(), files.len());
+        }
     }
 
     #[test]

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 
 use fleetcal_model::WallTime;
 use fleetcal_proto::calibration::Envelope;
-use fleetcal_proto::key_change::{KEY_CHANGES_MAX, KeyChanges, KeyChangesRefused, ServiceKeys};
+use fleetcal_proto::key_change::{
+    KEY_CHANGE_BYTES_MAX, KEY_CHANGES_MAX, KeyChanges, KeyChangesRefused, ServiceKeys,
+};
 use fleetcal_proto::signing::{KEY_BYTES, PublicKey, SealRefused, SigningKey};
 use thiserror::Error;
 
@@ -16,8 +18,8 @@ use thiserror::Error;
 pub const KEY_FILE: &str = "signing.key";
 /// Suffix of the file of the changes, behind the key's name.
 const CHANGES_ENDING: &str = ".changes";
-/// Longest file of changes that is read, bytes: a change has about 700.
-const CHANGES_BYTES_MAX: u64 = 2048 * KEY_CHANGES_MAX as u64;
+/// Longest file of changes that is read, bytes.
+const CHANGES_BYTES_MAX: u64 = (KEY_CHANGE_BYTES_MAX * KEY_CHANGES_MAX) as u64;
 
 /// Reason for which there is no signing key.
 #[derive(Debug, Error)]
@@ -45,17 +47,6 @@ pub enum KeyError {
         path: PathBuf,
         /// Fault of the file.
         reason: String,
-    },
-    /// The change before is still announced.
-    #[error(
-        "the signing key was changed already: {former} is accepted for {left_s} s more, and robots \
-         that are away learn of one change at a time; rotate it after that"
-    )]
-    ChangedAlready {
-        /// Id of the former key.
-        former: String,
-        /// Time until its end, s.
-        left_s: u64,
     },
     /// The change cannot be written.
     #[error(transparent)]
@@ -121,7 +112,7 @@ pub fn load_or_make_at(
 /// start on. A kill in the middle leaves the former key, with a change that does not count.
 ///
 /// # Errors
-/// [`KeyError::ChangedAlready`] while the change before is announced, or as [`load_or_make_at`].
+/// As [`load_or_make_at`]; a key is not made.
 pub fn rotate(
     path: &Path,
     draw: impl FnOnce() -> Result<[u8; KEY_BYTES], Error>,
@@ -134,13 +125,6 @@ pub fn rotate(
     };
     let none = || Err(Error::from(ErrorKind::NotFound));
     let (ServiceKeys { key, mut changes }, _) = load_or_make_at(path, none)?;
-    if let Some((last, _)) = changes.announced(now) {
-        let left_ns = last.announced_until().ns_since(now).unsigned_abs();
-        return Err(KeyError::ChangedAlready {
-            former: last.former_key.id(),
-            left_s: left_ns / 1_000_000_000,
-        });
-    }
     let secret = draw().map_err(failed)?;
     let new = SigningKey::from_bytes(&secret).public_key();
     changes.add(&key, &new, now, former_accepted_s)?;
@@ -280,9 +264,8 @@ mod tests {
         assert!(matches!(missing, KeyError::File { .. }), "{missing}");
         load_or_make_at(&path, sevens).unwrap();
         assert_eq!(rotate(&path, of(8), day(0), 86_400).unwrap(), public(8));
-        let early = rotate(&path, of(9), WallTime(DAY_NS - 1), 86_400);
-        assert!(matches!(early, Err(KeyError::ChangedAlready { .. })));
-        rotate(&path, of(9), day(1), 86_400).unwrap();
+        // While the former key is accepted.
+        rotate(&path, of(9), day(0), 86_400).unwrap();
         let (keys, made) = load_or_make_at(&path, of(1)).unwrap();
         assert!(!made);
         assert_eq!(keys.key.public_key(), public(9));

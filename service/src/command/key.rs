@@ -16,9 +16,9 @@ use crate::command::CommandError;
 /// Explanation below the flags of `fleetcal key rotate --help`.
 const LONG_HELP: &str = "\
 The service signs with the new key from its next start on, and announces the change, signed with the \
-former key, until the time of --accept-former-for is over. Agents that are connected meanwhile take the new key \
-over, and accept both for as long. An agent that was away for all of it refuses what the service \
-signs, and says so: start it with the new key as --service-key.
+former key, to every agent that asks. Agents take the new key over, also those that come back later, \
+and accept the former one for the time of --accept-former-for more. After a theft of the former key \
+this is not enough: start every agent with the new key as --service-key.
 
 Of several instances on one database each needs both files, signing.key and signing.key.changes, \
 before it starts again; one that starts with the former key after that is refused.";
@@ -44,8 +44,8 @@ pub enum Action {
 pub struct Rotate {
     #[command(flatten)]
     place: KeyPlace,
-    /// Time for which the former key is accepted beside the new one, such as 30d or 12h: at least as
-    /// long as a robot may be away
+    /// Time for which the former key is accepted beside the new one, such as 30d or 12h, from 1m
+    /// to 366d, by the robot's clock from the moment at which it takes the new one over
     #[arg(long, value_name = "SPAN", default_value = "30d", value_parser = accepted_for)]
     pub accept_former_for: Duration,
 }
@@ -71,7 +71,12 @@ impl KeyPlace {
 }
 
 fn accepted_for(text: &str) -> Result<Duration, String> {
-    span(text, limits::FORMER_KEY_ACCEPTED_MAX)
+    let accepted = span(text, limits::FORMER_KEY_ACCEPTED_MAX)?;
+    if accepted < limits::FORMER_KEY_ACCEPTED_MIN {
+        let least_s = limits::FORMER_KEY_ACCEPTED_MIN.as_secs();
+        return Err(format!("{text:?} is too short; give {least_s} s at least"));
+    }
+    Ok(accepted)
 }
 
 /// Runs the action.
@@ -89,9 +94,23 @@ pub fn run(arguments: &Arguments, clock: &SharedClock) -> Result<(), CommandErro
     Ok(print_text(&format!(
         "{file}: the new key is {new}, with the id {}\n\
          Keep {file} and {} in a safe place, copy both to each instance, and restart the service: it \
-         signs with the new key from then on. Robots that reach it within {lasts} s take the key \
-         over.\n",
+         signs with the new key from then on. Robots take it over when they reach the service, and \
+         accept the former one for {lasts} s more.\n",
         new.id(),
         changes.display(),
     ))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_former_key_is_accepted_for_a_minute_at_least() {
+        assert_eq!(accepted_for("1m"), Ok(Duration::from_secs(60)));
+        assert_eq!(accepted_for("366d"), Ok(limits::FORMER_KEY_ACCEPTED_MAX));
+        for refused in ["59s", "0s", "367d"] {
+            assert!(accepted_for(refused).is_err(), "{refused}");
+        }
+    }
 }

@@ -228,7 +228,6 @@ impl CommandError {
             | Self::Store(
                 StoreError::Account(_) | StoreError::Missing { .. } | StoreError::Restore { .. },
             )
-            | Self::Key(KeyError::ChangedAlready { .. })
             | Self::Account(_)
             | Self::UserUnknown(_)
             | Self::Name(_)

@@ -250,7 +250,7 @@ pub fn signed() -> Vec<Vec<u8>> {
         signed: Some(confirmation.clone()),
     };
     let announcement = KeyAnnouncement {
-        key_change: change.clone(),
+        key_changes: vec![change.clone()],
     };
     let mut all: Vec<Vec<u8>> = [calibration, offer, confirmation, change]
         .iter()

@@ -222,7 +222,7 @@ fn signed(input: &[u8]) -> bool {
     let confirmed = serde_json::from_slice::<Confirmed>(input);
     let confirmed = confirmed.is_ok_and(|one| one.signed.as_ref().is_some_and(opens));
     let announced = serde_json::from_slice::<KeyAnnouncement>(input);
-    let announced = announced.is_ok_and(|one| opens(&one.key_change));
+    let announced = announced.is_ok_and(|one| one.key_changes.iter().any(&opens));
     envelope || offered || confirmed || announced
 }
 

@@ -2,6 +2,7 @@
 
 use fleetcal_model::RobotTime;
 use fleetcal_proto::calibration::Envelope;
+use fleetcal_proto::key_change::KeyChangeDocument;
 use fleetcal_proto::signing::TrustedKeys;
 
 use super::Agent;
@@ -39,22 +40,25 @@ impl Agent {
         self.trust();
     }
 
-    /// Takes a change of key over, which a key that it trusts has signed.
-    pub(super) fn key_changed(&mut self, change: &Envelope, now: RobotTime) -> Vec<Effect> {
+    /// Takes changes of key over, the first of which a key that it trusts has signed.
+    pub(super) fn key_changed(&mut self, changes: &[Envelope], now: RobotTime) -> Vec<Effect> {
         let ring = self.memory.keys.clone();
         let ring = ring.unwrap_or_else(|| KeyRing::of(&self.given));
-        match ring.after(change, now) {
-            Ok(None) => Vec::new(),
-            Ok(Some((ring, document))) => {
+        match ring.following(changes, now) {
+            Ok((_, taken)) if taken.is_empty() => Vec::new(),
+            Ok((ring, taken)) => {
                 self.memory.keys = Some(ring);
                 self.trust();
-                vec![Effect::Note(format!(
-                    "the service's signing key has changed: {} is trusted from now on, {} for {} s \
-                     more",
-                    document.public_key.id(),
-                    document.former_key.id(),
-                    document.former_accepted_s
-                ))]
+                let note = |document: &KeyChangeDocument| {
+                    Effect::Note(format!(
+                        "the service's signing key has changed: {} is trusted from now on, {} for \
+                         {} s more",
+                        document.public_key.id(),
+                        document.former_key.id(),
+                        document.former_accepted_s
+                    ))
+                };
+                taken.iter().map(note).collect()
             }
             Err(reason) => self.disbelieve("a change of key", &reason, now),
         }

@@ -86,7 +86,7 @@ impl Agent {
                 Ok(Vec::new())
             }
             (Event::Confirmed(confirmed), _) => Ok(self.confirmed(&confirmed, now)),
-            (Event::KeyChanged(change), _) => Ok(self.key_changed(&change, now)),
+            (Event::KeyChanged(changes), _) => Ok(self.key_changed(&changes, now)),
             (Event::ServiceUp, _) => Ok(self.report(now)),
             (Event::Tick, phase) => Ok(self.tick(phase, now)),
             (Event::HookAnswered(answer), Phase::Asking { offer, rest }) => {

@@ -166,11 +166,9 @@ impl Lifecycle {
         &self.inner.keys.changes
     }
 
-    /// Announcement of the last change of key, while robots may not know of it.
+    /// Announcement of the changes of key; `None` if there was none.
     pub fn key_announcement(&self) -> Option<KeyAnnouncement> {
-        let (_, change) = self.key_changes().announced(self.inner.clock.now())?;
-        let key_change = change.clone();
-        Some(KeyAnnouncement { key_change })
+        self.key_changes().announcement()
     }
 
     /// Signs a statement with the key that signs documents.
