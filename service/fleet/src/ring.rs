@@ -322,6 +322,7 @@ mod tests {
             assert!(ring.size() <= share + limits::MOMENT_CHUNK_BYTES / 8);
         }
         assert_eq!(stamps(&ring).last(), Some(&999));
+        ring.tick(Duration::ZERO, limits::MOMENT_BYTES_OF_ROBOT_MAX);
         for _ in 0..limits::MOMENT_FOUND_MAX + 5 {
             ring.append(Tapped::Event {
                 stamp_ns: RobotTime(1),
