@@ -543,7 +543,7 @@ async fn start_fleet(
         .into_iter()
         .map(|record| (record.estimate.robot, record.received_ns))
         .collect();
-    Ok(FleetHandle::start(FleetSetup {
+    let fleet = FleetHandle::start(FleetSetup {
         clock,
         journal: Arc::new(store.clone()),
         estimator: config.estimator.clone(),
@@ -553,5 +553,9 @@ async fn start_fleet(
         last_heard,
         membership: membership.clone(),
         audited,
-    }))
+    });
+    if let Some(bytes) = memory::allowed_bytes() {
+        fleet.limit_latest_data(bytes);
+    }
+    Ok(fleet)
 }

@@ -4,11 +4,13 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use fleetcal_tests::service::Service;
+use fleetcal_robot::fleet::{record_wrong, simulated_robots};
+use fleetcal_robot::simulator::WrongInput;
+use fleetcal_tests::service::{Service, wait_for};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::{recorded, send, sender};
+use super::{send, sender};
 
 /// Returns the files of an archive, by their names, as Python reads them.
 fn unpacked(zip: &Path) -> Value {
@@ -28,7 +30,9 @@ fn unpacked(zip: &Path) -> Value {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_support_bundle_has_what_it_lists_and_no_secret() {
     let folder = TempDir::new().unwrap();
-    let path = recorded(&folder, 10.0);
+    let path = folder.path().join("coarse.mcap");
+    let robots = simulated_robots(1, 7).unwrap();
+    record_wrong(&robots[0], 10.0, &path, &[WrongInput::WholeSeconds]).unwrap();
     let service = Service::start(&["tugger_01"]);
     let admin = service.made_token(&["--role", "admin", "--name", "planter"]);
     let token = service.made_token(&["--role", "operator", "--name", "support"]);
@@ -40,6 +44,10 @@ async fn a_support_bundle_has_what_it_lists_and_no_secret() {
     service.send("POST /api/v1/users", &admin, "", &user);
     let summary = send(sender(&service, &path, "tugger_01")).await;
     service.estimate_of("tugger_01", summary.drive_samples);
+    let warning = "what the robot sends looks wrong";
+    wait_for("the warning", || {
+        service.logged().contains(warning).then_some(())
+    });
     let moment = service.send("POST /api/v1/robots/tugger_01/moments", &token, "", "");
 
     let listed = service.get("/api/v1/robots/tugger_01/support?list=true");
@@ -81,6 +89,12 @@ async fn a_support_bundle_has_what_it_lists_and_no_secret() {
         |name: &str| -> Value { serde_json::from_str(files[name].as_str().unwrap()).unwrap() };
     assert_eq!(json("robot.json")["config"]["wheelbase_m"], 1.2);
     assert!(json("estimate.json")["detection"].is_object());
+    let log = files["log.txt"].as_str().unwrap();
+    let mut lines = log.lines();
+    assert!(
+        lines.any(|line| line.contains("robot.id=tugger_01") && line.contains(warning)),
+        "{log}"
+    );
     // Nothing in the archive is compressed but recordings, whose packed messages are the robot's.
     let key = fs::read(service.data().join("signing.key")).unwrap();
     let key_in_hex = key

@@ -6,7 +6,7 @@ mod recorded;
 mod retired;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
@@ -157,6 +157,7 @@ impl FleetHandle {
             scan_durations: scan_durations(),
             scan_latencies: scan_durations(),
             tasks: TaskTracker::new(),
+            latest_data_bytes_max: AtomicUsize::new(limits::MOMENT_BYTES_MAX),
             configured: watch_channel::Sender::new(0),
             membership: setup.membership,
             audited: setup.audited,

@@ -20,6 +20,7 @@ mod shares;
 mod sign_in;
 mod throttle;
 mod trusted_proxies;
+mod written;
 
 pub use acceptor::listen;
 pub use caller_writes::{CallerWrites, WritesExceeded};
@@ -37,3 +38,4 @@ pub use shares::{Share, Shares};
 pub use sign_in::{SignInLimits, Whose};
 pub use throttle::Throttle;
 pub use trusted_proxies::TrustedProxies;
+pub use written::{Pieces, written};

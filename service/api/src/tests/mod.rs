@@ -68,7 +68,7 @@ const NOW_NS: i64 = 1_767_225_600_000_000_000;
 /// token of an administrator named "tester".
 struct Bench {
     /// Data folder of the moments.
-    _data: tempfile::TempDir,
+    data: tempfile::TempDir,
     setup: ApiSetup,
     routes: Router,
     fleet: FleetHandle,
@@ -177,7 +177,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
     let routes = router(setup.clone());
     let token = token(&store, "tester", grant(Role::Admin), None).await;
     Bench {
-        _data: data,
+        data,
         setup,
         routes,
         fleet,
