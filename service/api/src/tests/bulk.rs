@@ -352,3 +352,64 @@ async fn a_dry_run_of_a_change_says_what_restarts_and_stores_nothing() {
         (&before["config"], &before["version"])
     );
 }
+
+#[tokio::test]
+async fn a_table_has_few_short_columns_each_once() {
+    let bench = bench(&["a"]).await;
+    let told = async |table: String| {
+        let answer = import(&bench, "?dry_run=true", "text/csv", table).await;
+        answer.told()
+    };
+    let wide = (0..64).fold("id".to_owned(), |header, number| {
+        format!("{header},c{number}")
+    });
+    let deep = format!("id,{}\nx,1\n", vec!["a"; 100_000].join("."));
+    for (table, expected) in [
+        (
+            deep,
+            "the name of column 2 has 199999 bytes, expected 64 at most",
+        ),
+        (
+            "id,a.b.c.d\nx,1\n".to_owned(),
+            "column a.b.c.d has 4 parts, expected 3 at most",
+        ),
+        (
+            format!("{wide}\nx\n"),
+            "its first line has 65 columns, expected 64 at most",
+        ),
+        (
+            "id,wheelbase_m,wheelbase_m\nx,1,2\n".to_owned(),
+            "column wheelbase_m is there twice, expected each column once",
+        ),
+        (
+            "id,streams,streams.prefix\nx,,7\n".to_owned(),
+            "columns streams and streams.prefix overlap, expected one of them",
+        ),
+    ] {
+        let told = told(table).await;
+        assert!(told.starts_with("422 body_refused"), "{told}");
+        assert!(told.contains(expected), "{told}");
+    }
+    let many = format!("id,model\n{}", "x,tricycle\n".repeat(1_001));
+    let told = told(many).await;
+    assert!(told.starts_with("422 value_refused [robots]"), "{told}");
+}
+
+#[tokio::test]
+async fn a_cell_has_the_type_of_its_column() {
+    let bench = bench(&[]).await;
+    let table = "id,model,wheelbase_m,site,vehicle_type,tags,streams.prefix,streams.scan.topic\n\
+        r1,tricycle,1.2,1010,516,7; leased,7,8\n";
+    let answer = import(&bench, "", "text/csv", table.to_owned()).await;
+    assert_eq!(answer.told(), "201", "{}", answer.body);
+    let config = bench.get("/api/v1/robots/r1").await.json()["config"].clone();
+    assert_eq!(
+        (&config["site"], &config["vehicle_type"], &config["tags"]),
+        (&json!("1010"), &json!("516"), &json!(["7", "leased"]))
+    );
+    let streams = (
+        &config["streams"]["prefix"],
+        &config["streams"]["scan"]["topic"],
+    );
+    assert_eq!(streams, (&json!("7"), &json!("8")));
+}
