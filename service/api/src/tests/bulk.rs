@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use fleetcal_domain::alert::{AlertKind, Observation};
 use fleetcal_domain::limits;
 use serde_json::json;
 
@@ -121,6 +122,31 @@ async fn proposals_are_made_approved_and_rejected_by_the_rules_of_one() {
     assert_eq!(answer["items"][0]["proposal"], made["id"], "{answer}");
     let answer = bench.act(Role::Approver, &[], &reject).await.json();
     assert_eq!(answer["items"][0]["problem"]["status"], 412, "{answer}");
+}
+
+#[tokio::test]
+async fn alerts_of_a_robot_are_acknowledged_all_or_none() {
+    let bench = bench(&["a"]).await;
+    let kinds = [AlertKind::RollbackFailed, AlertKind::VerificationFailed];
+    for kind in kinds {
+        bench.observe("a", kind, Observation::Firing).await;
+    }
+    let all = "/api/v1/alerts";
+    let page = bench.get(all).await.json();
+    let alerts = page["items"].as_array().unwrap().iter();
+    let mut alerts: Vec<_> = alerts
+        .map(|alert| json!({ "id": alert["id"], "version": alert["version"] }))
+        .collect();
+    assert_eq!(alerts.len(), 2, "{page}");
+    alerts[1]["version"] = json!(99);
+    let body =
+        json!({ "action": { "acknowledge": {} }, "robots": [{ "id": "a", "alerts": alerts }] });
+    let answer = bench.act(Role::Operator, &[], &body).await.json();
+    assert_eq!(answer["items"][0]["problem"]["status"], 412, "{answer}");
+    let page = bench.get(all).await.json();
+    for alert in page["items"].as_array().unwrap() {
+        assert_eq!(alert["acknowledgement"], Value::Null, "{alert}");
+    }
 }
 
 #[tokio::test]
