@@ -18,8 +18,8 @@ fn action(action: &Value, ids: impl Iterator<Item = String>) -> String {
 fn five_hundred_are_registered_maintained_and_retired_by_one_request_each() {
     let mut service = Service::start(&[]);
     // Each robot counts as one change of its caller.
-    let [first, second] =
-        ["first", "second"].map(|name| service.made_token(&["--role", "operator", "--name", name]));
+    let [first, second, third] = ["first", "second", "third"]
+        .map(|name| service.made_token(&["--role", "operator", "--name", name]));
     let robots: Vec<_> = ids()
         .map(|id| json!({ "id": id, "config": { "model": "tricycle", "wheelbase_m": 1.2 } }))
         .collect();
@@ -49,6 +49,14 @@ fn five_hundred_are_registered_maintained_and_retired_by_one_request_each() {
         (&json!(0), &json!(2))
     );
     assert_eq!(refused["items"][0]["problem"]["code"], "not_in_maintenance");
+
+    let until = "2100-01-01T00:00:00Z";
+    let begin = action(
+        &json!({ "maintenance": { "until": until, "reason": "x" } }),
+        ids(),
+    );
+    let maintained = service.send("POST /api/v1/fleet/actions", &third, "", &begin);
+    assert_eq!(maintained["done"], ROBOTS, "{maintained}");
 
     let retire = action(&json!({ "retire": { "reason": "sold" } }), ids());
     let retired = service.send("POST /api/v1/fleet/actions", &second, "", &retire);

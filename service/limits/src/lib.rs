@@ -55,6 +55,8 @@ pub const LIVE_UPDATES_MAX: usize = 4_096;
 pub const NOTE_CHARS_MAX: usize = 1_000;
 /// Characters of a query for robots.
 pub const VIEW_QUERY_CHARS_MAX: usize = 2_000;
+/// Conditions of a query for robots.
+pub const VIEW_QUERY_TERMS_MAX: usize = 50;
 /// Characters of a refusal's reason that are kept for the robot's page.
 pub const REFUSAL_CHARS_MAX: usize = 300;
 

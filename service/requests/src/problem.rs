@@ -140,6 +140,7 @@ impl From<StoreError> for Problem {
             StoreError::VersionConflict { .. } => {
                 Self::new(StatusCode::PRECONDITION_FAILED, "version_conflict", detail)
             }
+            StoreError::RobotsMax { .. } => Self::new(StatusCode::CONFLICT, "fleet_full", detail),
             StoreError::KeyReused => Self::new(
                 StatusCode::UNPROCESSABLE_ENTITY,
                 "idempotency_key_reused",

@@ -10,6 +10,7 @@ use fleetcal_model::VehicleModel;
 use strum::VariantArray;
 use thiserror::Error;
 
+use crate::folded::Folded;
 use crate::properties::OPTIONAL;
 use crate::query::{Comparison, Condition, Measure, Query, Term, TimeUnit};
 use crate::word::Word;
@@ -49,6 +50,11 @@ impl FromStr for Query {
         };
         let mut terms = Vec::new();
         while parser.skip_spaces() {
+            if terms.len() == limits::VIEW_QUERY_TERMS_MAX {
+                let max = limits::VIEW_QUERY_TERMS_MAX;
+                let from = parser.offset();
+                return Err(parser.refused(from, format!("at most {max} conditions")));
+            }
             terms.push(parser.term()?);
         }
         Ok(Self(terms))
@@ -125,13 +131,13 @@ impl Parser<'_> {
     fn condition(&mut self) -> Parsed<Condition> {
         let from = self.offset();
         if self.peek() == Some('"') {
-            return self.quoted().map(Condition::Text);
+            return self.quoted().map(|text| Condition::Text(text.into()));
         }
         let ends = |c: char| c.is_whitespace() || matches!(c, ':' | '<' | '>' | '"');
         let word = self.word(ends).to_owned();
         match self.peek() {
             Some(':' | '<' | '>') => self.qualified(&word, from),
-            _ => Ok(Condition::Text(word)),
+            _ => Ok(Condition::Text(word.into())),
         }
     }
 
@@ -165,7 +171,7 @@ impl Parser<'_> {
             }
         }
         Ok(match word {
-            Ok(word) => Condition::Has(word, values),
+            Ok(word) => Condition::Has(word, values.into_iter().map(Folded::from).collect()),
             Err(_) => Condition::Lacks(values),
         })
     }

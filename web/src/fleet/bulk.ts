@@ -1,6 +1,7 @@
 /** Actions on selected robots, and the requests that carry them out. */
 
 import { alertsOf } from './acknowledged';
+import { problemOf } from '../api/client';
 import type { ActionTarget, Alert, FleetAction, FleetActionAnswer, Proposal } from '../api/types';
 
 /** Most robots of one request. */
@@ -77,6 +78,36 @@ export function requestsOf(action: FleetAction['action'], robots: ActionTarget[]
   return requests;
 }
 
+/** Answers to the requests of an action, and the robots of the requests that had none. */
+export interface Answered {
+  answers: FleetActionAnswer[];
+  failed: { id: string; why: string }[];
+}
+
+/**
+ * Sends the requests of an action one after another; a failed one does not affect the others.
+ *
+ * @throws The reason of the first one, if none is answered.
+ */
+export async function answersTo(
+  requests: readonly FleetAction[],
+  send: (request: FleetAction) => Promise<FleetActionAnswer>,
+): Promise<Answered> {
+  const answers: FleetActionAnswer[] = [];
+  const failed: Answered['failed'] = [];
+  const errors: unknown[] = [];
+  for (const request of requests) {
+    try {
+      answers.push(await send(request));
+    } catch (error) {
+      errors.push(error);
+      failed.push(...request.robots.map(({ id }) => ({ id, why: problemOf(error) })));
+    }
+  }
+  if (answers.length === 0 && errors.length > 0) throw errors[0];
+  return { answers, failed };
+}
+
 /** Outcomes of an action: robots where it was done, and the reason for each of the others. */
 export interface Outcome {
   kind: Kind;
@@ -84,15 +115,15 @@ export interface Outcome {
   refused: { id: string; why: string }[];
 }
 
-/** Returns the outcomes of the answers to an action. */
-export function outcomeOf(kind: Kind, answers: readonly FleetActionAnswer[]): Outcome {
+/** Returns the outcomes of an action; robots of failed requests count as refused. */
+export function outcomeOf(kind: Kind, { answers, failed }: Answered): Outcome {
   const items = answers.flatMap((answer) => answer.items);
   return {
     kind,
     done: items.filter(({ done }) => done).map(({ robot }) => robot),
-    refused: items.flatMap(({ robot, problem }) =>
-      problem ? [{ id: robot, why: problem.detail }] : [],
-    ),
+    refused: items
+      .flatMap(({ robot, problem }) => (problem ? [{ id: robot, why: problem.detail }] : []))
+      .concat(failed),
   };
 }
 

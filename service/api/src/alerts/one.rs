@@ -129,26 +129,29 @@ pub(super) async fn acknowledge_alert(
 ) -> Result<Response, Problem> {
     let id = alert_number(&id)?;
     let version = expected_version(&headers)?;
-    let alert = acknowledge(&api, &caller, (id, version), value).await?;
-    let document = AlertDocument::of(&alert);
+    let alerts = acknowledge(&api, &caller, &[(id, version)], value).await?;
+    let alert = alerts.first().ok_or_else(Problem::panicked)?;
+    let document = AlertDocument::of(alert);
     Ok(versioned_json(StatusCode::OK, alert.version, document))
 }
 
-/// Acknowledges the version of an alert that the caller read.
+/// Acknowledges the versions of alerts that the caller read, all or none.
 pub(crate) async fn acknowledge(
     api: &ApiState,
     caller: &Caller,
-    (id, version): (AlertId, Version),
+    alerts: &[(AlertId, Version)],
     body: AcknowledgementBody,
-) -> Result<Alert, Problem> {
+) -> Result<Vec<Alert>, Problem> {
     let note = body.note.filter(|note| !note.trim().is_empty());
     check_length(
         "note",
         note.as_deref().unwrap_or(""),
         limits::NOTE_CHARS_MAX,
     )?;
-    let actor = caller.actor.clone();
-    Ok(api.evaluator.acknowledge(id, version, actor, note).await?)
+    let acknowledged = api
+        .evaluator
+        .acknowledge(alerts, &caller.actor, note.as_deref());
+    Ok(acknowledged.await?)
 }
 
 fn alert_number(id: &str) -> Result<AlertId, Problem> {

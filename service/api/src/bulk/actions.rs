@@ -317,7 +317,7 @@ async fn read_proposal(api: &ApiState, target: Target) -> Result<ReadProposal, P
     ))
 }
 
-/// Acknowledges the alerts of a robot that the caller read.
+/// Acknowledges the alerts of a robot that the caller read, all or none.
 async fn acknowledge_each(
     api: &ApiState,
     caller: &Caller,
@@ -327,8 +327,8 @@ async fn acknowledge_each(
     if target.alerts.is_empty() {
         return Err(missing("robots.alerts"));
     }
-    for ReadAlert { id, version } in target.alerts {
-        let found = api.store.alert(id).await?;
+    for ReadAlert { id, .. } in &target.alerts {
+        let found = api.store.alert(*id).await?;
         if found.is_some_and(|(alert, _)| !alert.is_about(&target.id)) {
             let accepted = format!("an alert of robot {}", target.id);
             return Err(Problem::refused(
@@ -337,8 +337,12 @@ async fn acknowledge_each(
                 &accepted,
             ));
         }
-        acknowledge(api, caller, (id, version), body.clone()).await?;
     }
+    let read = target.alerts.into_iter();
+    let read: Vec<_> = read
+        .map(|ReadAlert { id, version }| (id, version))
+        .collect();
+    acknowledge(api, caller, &read, body).await?;
     Ok(None)
 }
 

@@ -1,15 +1,26 @@
 //! Entries of a registration of many robots: a table in CSV, or a list in JSON.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
 use axum::http::StatusCode;
 use fleetcal_domain::limits;
-use fleetcal_requests::csv;
+use fleetcal_requests::csv::{self, CsvRow};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::extract::parsed;
 use crate::problem::Problem;
+
+/// Columns of a table with lists: semicolons separate the items of a cell.
+const LISTS: [&str; 2] = ["tags", "streams.joints.wheels"];
+/// Columns of a table with free text, beside topics and their types.
+const TEXTS: [&str; 5] = [
+    "site",
+    "vehicle_type",
+    "streams.prefix",
+    "streams.joints.steering",
+    "streams.joints.steering_right",
+];
 
 /// Robots to register.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
@@ -84,58 +95,121 @@ impl Entry {
 /// Reads the entries of a list in JSON.
 pub(super) fn of_json(bytes: &[u8]) -> Result<Vec<Entry>, Problem> {
     let body: ImportBody = parsed(bytes)?;
+    check_count(body.robots.len())?;
     let numbered = body.robots.into_iter().enumerate();
     let entries = numbered.map(|(index, RobotToRegister { id, config })| Entry {
         line: index + 1,
         id,
         config,
     });
-    limited(entries.collect())
+    Ok(entries.collect())
 }
 
 /// Reads the entries of a table: its first line has the columns, `id` and the fields of a
 /// configuration, with dots between the names of nested ones. An empty cell leaves its field out.
 pub(super) fn of_csv(bytes: &[u8]) -> Result<Vec<Entry>, Problem> {
-    let refused =
-        |detail: String| Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "body_refused", detail);
     let text = std::str::from_utf8(bytes);
-    let text = text.map_err(|_| refused("the table: expected text in UTF-8".to_owned()))?;
-    let rows = csv::rows(text).map_err(|broken| refused(format!("the table: {broken}")))?;
+    let text = text.map_err(|_| refused("expected text in UTF-8"))?;
+    let rows = csv::rows(text).map_err(|broken| refused(&broken.to_string()))?;
     let mut rows = rows.into_iter();
     let columns = rows.next().map(|row| row.fields).unwrap_or_default();
-    if !columns.iter().any(|column| column == "id") {
-        let detail = "the table: its first line has no column id, expected id, model, wheelbase_m";
-        return Err(refused(detail.to_owned()).of_field("id"));
-    }
-    let mut entries = Vec::new();
-    for row in rows {
-        if row.fields.len() > columns.len() {
-            let (got, most) = (row.fields.len(), columns.len());
-            let line = row.line;
-            let detail = format!("the table: line {line} has {got} fields, expected {most}");
-            return Err(refused(detail));
-        }
-        let mut cells: BTreeMap<_, _> = columns.iter().zip(row.fields).collect();
-        let id = cells.remove(&"id".to_owned()).unwrap_or_default();
-        let mut config = Map::new();
-        for (column, cell) in cells.into_iter().filter(|(_, cell)| !cell.is_empty()) {
-            place(&mut config, column, value_of(&cell));
-        }
-        entries.push(Entry {
-            line: row.line,
-            id,
-            config: Value::Object(config),
-        });
-    }
-    limited(entries)
+    check_columns(&columns)?;
+    check_count(rows.len())?;
+    rows.map(|row| entry(&columns, row)).collect()
 }
 
-/// Value of a cell: a number or truth value where it reads as one, else text.
-fn value_of(cell: &str) -> Value {
+/// Entry of a row.
+fn entry(columns: &[String], row: CsvRow) -> Result<Entry, Problem> {
+    let (line, got, most) = (row.line, row.fields.len(), columns.len());
+    if got > most {
+        let fault = format!("line {line} has {got} fields, expected {most}");
+        return Err(refused(&fault));
+    }
+    let mut id = String::new();
+    let mut config = Map::new();
+    let cells = columns.iter().zip(row.fields);
+    for (column, cell) in cells.filter(|(_, cell)| !cell.is_empty()) {
+        if column == "id" {
+            id = cell;
+        } else {
+            place(&mut config, column, value_of(column, &cell));
+        }
+    }
+    Ok(Entry {
+        line,
+        id,
+        config: Value::Object(config),
+    })
+}
+
+/// Refuses columns that are no list of fields, each once.
+fn check_columns(columns: &[String]) -> Result<(), Problem> {
+    if !columns.iter().any(|column| column == "id") {
+        let fault = "its first line has no column id, expected id, model, wheelbase_m";
+        return Err(refused(fault).of_field("id"));
+    }
+    let (count, max) = (columns.len(), limits::IMPORT_COLUMNS_MAX);
+    if count > max {
+        let fault = format!("its first line has {count} columns, expected {max} at most");
+        return Err(refused(&fault));
+    }
+    let mut named = BTreeSet::new();
+    for (index, column) in columns.iter().enumerate() {
+        let (bytes, max) = (column.len(), limits::IMPORT_COLUMN_BYTES_MAX);
+        if bytes > max {
+            let number = index + 1;
+            let fault =
+                format!("the name of column {number} has {bytes} bytes, expected {max} at most");
+            return Err(refused(&fault));
+        }
+        let (parts, max) = (column.split('.').count(), limits::IMPORT_COLUMN_PARTS_MAX);
+        if parts > max {
+            let fault = format!("column {column} has {parts} parts, expected {max} at most");
+            return Err(refused(&fault));
+        }
+        // A spreadsheet may add columns without a name; a value in one is refused.
+        if !named.insert(column.as_str()) && !column.is_empty() {
+            let fault = format!("column {column} is there twice, expected each column once");
+            return Err(refused(&fault));
+        }
+    }
+    for column in &named {
+        let mut outer = column.match_indices('.').map(|(dot, _)| &column[..dot]);
+        if let Some(outer) = outer.find(|outer| named.contains(outer)) {
+            let fault = format!("columns {outer} and {column} overlap, expected one of them");
+            return Err(refused(&fault));
+        }
+    }
+    Ok(())
+}
+
+/// Refusal of a table, with its fault.
+fn refused(fault: &str) -> Problem {
+    let detail = format!("the table: {fault}");
+    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "body_refused", detail)
+}
+
+/// Value of a cell: a list or text where its column has one, a number or truth value where it reads
+/// as one, else text.
+fn value_of(column: &str, cell: &str) -> Value {
+    if LISTS.contains(&column) {
+        let items = cell.split(';').map(str::trim);
+        return items.filter(|item| !item.is_empty()).collect();
+    }
+    if is_text(column) {
+        return Value::from(cell);
+    }
     match serde_json::from_str(cell) {
         Ok(value @ (Value::Number(_) | Value::Bool(_))) => value,
         _ => Value::from(cell),
     }
+}
+
+/// True if a column has text that may read as a number.
+fn is_text(column: &str) -> bool {
+    let of_stream = column.starts_with("streams.");
+    TEXTS.contains(&column)
+        || of_stream && (column.ends_with(".topic") || column.ends_with(".type"))
 }
 
 /// Places a value at the path of a column.
@@ -153,12 +227,13 @@ fn place(config: &mut Map<String, Value>, column: &str, value: Value) {
     }
 }
 
-fn limited(entries: Vec<Entry>) -> Result<Vec<Entry>, Problem> {
-    let (count, max) = (entries.len(), limits::REGISTERED_AT_ONCE_MAX);
+/// Refuses none and too many robots.
+fn check_count(count: usize) -> Result<(), Problem> {
+    let max = limits::REGISTERED_AT_ONCE_MAX;
     if count == 0 || count > max {
         let detail = format!("{count} robots are named, expected 1 to {max}");
         let status = StatusCode::UNPROCESSABLE_ENTITY;
         return Err(Problem::new(status, "value_refused", detail).of_field("robots"));
     }
-    Ok(entries)
+    Ok(())
 }

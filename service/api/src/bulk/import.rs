@@ -17,7 +17,7 @@ use crate::ApiState;
 use crate::access::{Caller, count_writes};
 use crate::extract::{Parameters, bytes_of, parsed};
 use crate::problem::Problem;
-use crate::robots::{check_config, check_room_for};
+use crate::robots::{Prefixes, check_config, prefixes};
 
 /// Wrong lines that a refusal names; a dry run lists all.
 const NAMED_IN_REFUSAL: usize = 3;
@@ -83,7 +83,6 @@ pub(super) async fn import_robots(
     if !answer.wrong.is_empty() {
         return Err(refused(&answer.wrong, entries.len()));
     }
-    check_room_for(&api, robots.len())?;
     // The request itself counts as one.
     let further = u32::try_from(robots.len() - 1).unwrap_or(u32::MAX);
     count_writes(&api, &caller, further)?;
@@ -118,16 +117,17 @@ async fn read(api: &ApiState, request: Request) -> Result<Vec<Entry>, Problem> {
 /// Robots to register, and the lines that are wrong.
 fn checked(api: &ApiState, entries: &[Entry]) -> (BTreeMap<RobotId, RobotConfig>, Vec<WrongLine>) {
     let mut robots = BTreeMap::new();
-    let mut prefixes = BTreeMap::new();
+    let owners = prefixes(api);
+    let mut lines = BTreeMap::new();
     let mut wrong = Vec::new();
     for entry in entries {
-        let found = robot_of(api, entry).and_then(|(id, config)| {
+        let found = robot_of(api, &owners, entry).and_then(|(id, config)| {
             if robots.contains_key(&id) {
                 let accepted = "each robot once; an earlier line has it";
                 return Err(Problem::refused("id", &entry.id, accepted));
             }
             if let Some(prefix) = &config.streams.fields().prefix
-                && let Some(earlier) = prefixes.insert(prefix.clone(), entry.line)
+                && let Some(earlier) = lines.insert(prefix.clone(), entry.line)
             {
                 let accepted = format!("one that no other robot has; line {earlier} has it");
                 return Err(Problem::refused(
@@ -149,7 +149,11 @@ fn checked(api: &ApiState, entries: &[Entry]) -> (BTreeMap<RobotId, RobotConfig>
 }
 
 /// Robot of an entry, if it may be registered.
-fn robot_of(api: &ApiState, entry: &Entry) -> Result<(RobotId, RobotConfig), Problem> {
+fn robot_of(
+    api: &ApiState,
+    owners: &Prefixes,
+    entry: &Entry,
+) -> Result<(RobotId, RobotConfig), Problem> {
     let id = RobotId::parse(&entry.id)
         .map_err(|error| Problem::refused("id", &entry.id, &error.to_string()))?;
     if api
@@ -161,7 +165,7 @@ fn robot_of(api: &ApiState, entry: &Entry) -> Result<(RobotId, RobotConfig), Pro
         return Err(Problem::refused("id", &entry.id, accepted));
     }
     let config: RobotConfig = parsed(entry.config.to_string().as_bytes())?;
-    check_config(api, &id, &config)?;
+    check_config(api, owners, &id, &config)?;
     Ok((id, config))
 }
 
@@ -177,15 +181,17 @@ fn refused(wrong: &[WrongLine], lines: usize) -> Problem {
     Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "lines_refused", detail)
 }
 
-/// Stores the configurations in one transaction, and passes them to the fleet.
+/// Stores the configurations in one transaction, and passes all of them to the fleet.
 async fn register(
     api: ApiState,
     robots: BTreeMap<RobotId, RobotConfig>,
     actor: Actor,
 ) -> Result<(), Problem> {
     register_all(&api.store, &robots, &actor).await?;
-    for (id, config) in robots {
-        api.fleet.configure(&id, config)?;
-    }
+    let configured = robots.into_iter();
+    let configured = configured.map(|(id, config)| api.fleet.configure(&id, config));
+    // Each of them, before the first refusal is the answer.
+    let configured: Vec<_> = configured.collect();
+    configured.into_iter().try_for_each(|one| one.map(drop))?;
     Ok(())
 }

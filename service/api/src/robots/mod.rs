@@ -27,7 +27,7 @@ pub(super) use connection::{MaintenanceBody, connection_state, maintain};
 pub(super) use document::RobotStateDocument;
 pub(super) use events::EventDocument;
 pub(super) use recording::Recordings;
-pub(super) use registration::{check_config, check_room_for};
+pub(super) use registration::{Prefixes, check_config, prefixes};
 pub(super) use retirement::{bring_back, retire};
 
 /// Routes under `/robots`.

@@ -1,12 +1,14 @@
 //! Routes `GET` and `PUT /robots/{id}`: a robot and its configuration.
 
+use std::collections::BTreeMap;
+
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::RobotConfig;
-use fleetcal_domain::streams::RobotStreams;
+use fleetcal_domain::streams::TopicName;
 use fleetcal_fleet::{Configured, FleetRefused};
 use fleetcal_model::Version;
 use fleetcal_operations::robots::configure;
@@ -163,7 +165,7 @@ async fn register(
 fn check_change(api: &ApiState, id: &RobotId, config: &RobotConfig) -> Result<(), Problem> {
     check_retired(api, id)?;
     check_room(api, id)?;
-    check_config(api, id, config)
+    check_config(api, &prefixes(api), id, config)
 }
 
 /// Refuses a retired robot, which has to be brought back first.
@@ -178,14 +180,9 @@ fn check_retired(api: &ApiState, id: &RobotId) -> Result<(), Problem> {
 fn check_room(api: &ApiState, id: &RobotId) -> Result<(), Problem> {
     let known = api.fleet.robot(id);
     let is_new = known.is_none_or(|robot| robot.config.is_none());
-    check_room_for(api, usize::from(is_new))
-}
-
-/// Refuses new robots beyond the fleet's limit, before they are stored.
-pub(crate) fn check_room_for(api: &ApiState, new: usize) -> Result<(), Problem> {
     let robots = api.fleet.robots();
     let configured = robots.iter().filter(|robot| robot.config.is_some());
-    if configured.count() + new > limits::ROBOTS_MAX {
+    if is_new && configured.count() >= limits::ROBOTS_MAX {
         return Err(FleetRefused::RobotsMax.into());
     }
     Ok(())
@@ -194,24 +191,32 @@ pub(crate) fn check_room_for(api: &ApiState, new: usize) -> Result<(), Problem> 
 /// Refuses a configuration that contradicts another robot's, or the service's.
 pub(crate) fn check_config(
     api: &ApiState,
+    owners: &Prefixes,
     id: &RobotId,
     config: &RobotConfig,
 ) -> Result<(), Problem> {
-    check_prefix(api, id, config)?;
+    check_prefix(owners, id, config)?;
     check_estimator(api, config)
 }
 
+/// Robots by the prefixes of their topics.
+pub(crate) type Prefixes = BTreeMap<TopicName, RobotId>;
+
+/// Robots of the fleet by the prefixes of their topics.
+pub(crate) fn prefixes(api: &ApiState) -> Prefixes {
+    let streams = api.fleet.streams().into_iter();
+    let named = streams.filter_map(|(id, streams)| Some((streams.fields().prefix.clone()?, id)));
+    named.collect()
+}
+
 /// Refuses the prefix of another robot, whose messages would be attributed to this one.
-fn check_prefix(api: &ApiState, id: &RobotId, config: &RobotConfig) -> Result<(), Problem> {
+fn check_prefix(owners: &Prefixes, id: &RobotId, config: &RobotConfig) -> Result<(), Problem> {
     let Some(prefix) = &config.streams.fields().prefix else {
         return Ok(());
     };
-    let has_it = |streams: &RobotStreams| streams.fields().prefix.as_ref() == Some(prefix);
-    let streams = api.fleet.streams();
-    let mut others = streams.iter().filter(|(other, _)| *other != id);
-    match others.find(|(_, streams)| has_it(streams)) {
+    match owners.get(prefix).filter(|owner| *owner != id) {
         None => Ok(()),
-        Some((other, _)) => {
+        Some(other) => {
             let accepted = format!("one that no other robot has; this is that of {other}");
             Err(Problem::refused(
                 "streams.prefix",

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use fleetcal_domain::alert::{AlertKind, Observation};
 use fleetcal_domain::limits;
 use serde_json::json;
 
@@ -121,6 +122,31 @@ async fn proposals_are_made_approved_and_rejected_by_the_rules_of_one() {
     assert_eq!(answer["items"][0]["proposal"], made["id"], "{answer}");
     let answer = bench.act(Role::Approver, &[], &reject).await.json();
     assert_eq!(answer["items"][0]["problem"]["status"], 412, "{answer}");
+}
+
+#[tokio::test]
+async fn alerts_of_a_robot_are_acknowledged_all_or_none() {
+    let bench = bench(&["a"]).await;
+    let kinds = [AlertKind::RollbackFailed, AlertKind::VerificationFailed];
+    for kind in kinds {
+        bench.observe("a", kind, Observation::Firing).await;
+    }
+    let all = "/api/v1/alerts";
+    let page = bench.get(all).await.json();
+    let alerts = page["items"].as_array().unwrap().iter();
+    let mut alerts: Vec<_> = alerts
+        .map(|alert| json!({ "id": alert["id"], "version": alert["version"] }))
+        .collect();
+    assert_eq!(alerts.len(), 2, "{page}");
+    alerts[1]["version"] = json!(99);
+    let body =
+        json!({ "action": { "acknowledge": {} }, "robots": [{ "id": "a", "alerts": alerts }] });
+    let answer = bench.act(Role::Operator, &[], &body).await.json();
+    assert_eq!(answer["items"][0]["problem"]["status"], 412, "{answer}");
+    let page = bench.get(all).await.json();
+    for alert in page["items"].as_array().unwrap() {
+        assert_eq!(alert["acknowledgement"], Value::Null, "{alert}");
+    }
 }
 
 #[tokio::test]
@@ -351,4 +377,65 @@ async fn a_dry_run_of_a_change_says_what_restarts_and_stores_nothing() {
         (&after["config"], &after["version"]),
         (&before["config"], &before["version"])
     );
+}
+
+#[tokio::test]
+async fn a_table_has_few_short_columns_each_once() {
+    let bench = bench(&["a"]).await;
+    let told = async |table: String| {
+        let answer = import(&bench, "?dry_run=true", "text/csv", table).await;
+        answer.told()
+    };
+    let wide = (0..64).fold("id".to_owned(), |header, number| {
+        format!("{header},c{number}")
+    });
+    let deep = format!("id,{}\nx,1\n", vec!["a"; 100_000].join("."));
+    for (table, expected) in [
+        (
+            deep,
+            "the name of column 2 has 199999 bytes, expected 64 at most",
+        ),
+        (
+            "id,a.b.c.d\nx,1\n".to_owned(),
+            "column a.b.c.d has 4 parts, expected 3 at most",
+        ),
+        (
+            format!("{wide}\nx\n"),
+            "its first line has 65 columns, expected 64 at most",
+        ),
+        (
+            "id,wheelbase_m,wheelbase_m\nx,1,2\n".to_owned(),
+            "column wheelbase_m is there twice, expected each column once",
+        ),
+        (
+            "id,streams,streams.prefix\nx,,7\n".to_owned(),
+            "columns streams and streams.prefix overlap, expected one of them",
+        ),
+    ] {
+        let told = told(table).await;
+        assert!(told.starts_with("422 body_refused"), "{told}");
+        assert!(told.contains(expected), "{told}");
+    }
+    let many = format!("id,model\n{}", "x,tricycle\n".repeat(1_001));
+    let told = told(many).await;
+    assert!(told.starts_with("422 value_refused [robots]"), "{told}");
+}
+
+#[tokio::test]
+async fn a_cell_has_the_type_of_its_column() {
+    let bench = bench(&[]).await;
+    let table = "id,model,wheelbase_m,site,vehicle_type,tags,streams.prefix,streams.scan.topic\n\
+        r1,tricycle,1.2,1010,516,7; leased,7,8\n";
+    let answer = import(&bench, "", "text/csv", table.to_owned()).await;
+    assert_eq!(answer.told(), "201", "{}", answer.body);
+    let config = bench.get("/api/v1/robots/r1").await.json()["config"].clone();
+    assert_eq!(
+        (&config["site"], &config["vehicle_type"], &config["tags"]),
+        (&json!("1010"), &json!("516"), &json!(["7", "leased"]))
+    );
+    let streams = (
+        &config["streams"]["prefix"],
+        &config["streams"]["scan"]["topic"],
+    );
+    assert_eq!(streams, (&json!("7"), &json!("8")));
 }

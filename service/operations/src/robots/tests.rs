@@ -243,3 +243,39 @@ async fn many_are_registered_all_or_none() {
     };
     assert_eq!(store.audit(&filter).await.unwrap().len(), 2);
 }
+
+#[tokio::test]
+async fn registrations_at_once_never_make_more_robots_than_the_limit() {
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
+    let named = |numbers: std::ops::Range<usize>| {
+        let each = numbers.map(|number| (robot(&format!("r{number}")), config(1.2)));
+        each.collect::<BTreeMap<_, _>>()
+    };
+    let actor = Actor::service();
+    let nearly = limits::ROBOTS_MAX - 2;
+    for first in (0..nearly).step_by(limits::REGISTERED_AT_ONCE_MAX) {
+        let end = nearly.min(first + limits::REGISTERED_AT_ONCE_MAX);
+        let registered = register_all(&store, &named(first..end), &actor).await;
+        registered.unwrap();
+    }
+    let (one, other) = (named(nearly..nearly + 2), named(nearly + 2..nearly + 4));
+    let (one, other) = tokio::join!(
+        register_all(&store, &one, &actor),
+        register_all(&store, &other, &actor)
+    );
+    let full = |refused: &StoreError| matches!(refused, StoreError::RobotsMax { .. });
+    assert!(one.is_ok(), "{one:?}");
+    assert!(other.as_ref().is_err_and(full), "{other:?}");
+    let configured = async |name: &str, expected| {
+        configure(&store, &robot(name), &config(1.3), expected, actor.clone()).await
+    };
+    let refused = configured("new", Expected::Absent).await;
+    assert!(refused.as_ref().is_err_and(full), "{refused:?}");
+    configured("r0", Expected::Version(Version(1)))
+        .await
+        .unwrap();
+    let stored = store.load_robots().await.unwrap();
+    let stored = stored.iter().filter(|robot| robot.config.is_some());
+    assert_eq!(stored.count(), limits::ROBOTS_MAX);
+}
