@@ -1,6 +1,6 @@
 //! The whole service in one value: what `serve` runs, and `demo` runs beside its robots.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -478,6 +478,18 @@ async fn close_store(store: &Store) {
     }
 }
 
+/// Returns the errors beside the path of every robot, by the calibration in use.
+async fn cross_tracks(
+    store: &Store,
+) -> Result<BTreeMap<RobotId, BTreeMap<Generation, CrossTrack>>, StoreError> {
+    let mut cross_tracks: BTreeMap<RobotId, BTreeMap<_, _>> = BTreeMap::new();
+    for record in store.load_cross_tracks().await? {
+        let of_robot = cross_tracks.entry(record.robot).or_default();
+        of_robot.insert(record.generation, record.errors);
+    }
+    Ok(cross_tracks)
+}
+
 /// Starts the fleet from the store and the configuration file: for a robot in both, the file's
 /// vehicle applies; with several instances, the stored one.
 async fn start_fleet(
@@ -493,6 +505,11 @@ async fn start_fleet(
         if let Some(stored) = record.config {
             robots.insert(record.id, stored);
         }
+    }
+    let ids = config.robots.iter().map(|entry| &entry.id);
+    let configured = ids.chain(robots.keys()).collect::<BTreeSet<_>>().len();
+    if configured > limits::ROBOTS_MAX {
+        return Err(ServiceError::TooManyRobots { configured });
     }
     let are_several = membership.cluster().is_some();
     for entry in &config.robots {
@@ -518,16 +535,7 @@ async fn start_fleet(
             robots.insert(entry.id.clone(), wanted);
         }
     }
-    if robots.len() > limits::ROBOTS_MAX {
-        return Err(ServiceError::TooManyRobots {
-            configured: robots.len(),
-        });
-    }
-    let mut cross_tracks: BTreeMap<RobotId, BTreeMap<Generation, CrossTrack>> = BTreeMap::new();
-    for record in store.load_cross_tracks().await? {
-        let of_robot = cross_tracks.entry(record.robot).or_default();
-        of_robot.insert(record.generation, record.errors);
-    }
+    let cross_tracks = cross_tracks(store).await?;
     // An instance reads those of the robots that it gets.
     let checkpoints = if are_several {
         Vec::new()

@@ -27,6 +27,29 @@ fn unpacked(zip: &Path) -> Value {
     serde_json::from_slice(&read.stdout).unwrap()
 }
 
+/// Returns the names of the files of a bundle, in their order, among them that of a moment.
+fn listed(service: &Service, recording: &str) -> Vec<String> {
+    let listed = service.get("/api/v1/robots/tugger_01/support?list=true");
+    let files = listed["files"].as_array().unwrap().iter();
+    let mut names: Vec<_> = files
+        .map(|file| file["name"].as_str().unwrap().to_owned())
+        .collect();
+    for name in [
+        "about.json",
+        "robot.json",
+        "estimate.json",
+        "checks.json",
+        "shadow.json",
+        "events.json",
+        "log.txt",
+        recording,
+    ] {
+        assert!(names.iter().any(|one| one == name), "{name} in {names:?}");
+    }
+    names.sort_unstable();
+    names
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_support_bundle_has_what_it_lists_and_no_secret() {
     let folder = TempDir::new().unwrap();
@@ -50,26 +73,7 @@ async fn a_support_bundle_has_what_it_lists_and_no_secret() {
     });
     let moment = service.send("POST /api/v1/robots/tugger_01/moments", &token, "", "");
 
-    let listed = service.get("/api/v1/robots/tugger_01/support?list=true");
-    let listed: Vec<&str> = listed["files"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|file| file["name"].as_str().unwrap())
-        .collect();
-    let recording = format!("moments/{}.mcap", moment["id"]);
-    for name in [
-        "about.json",
-        "robot.json",
-        "estimate.json",
-        "checks.json",
-        "shadow.json",
-        "events.json",
-        "log.txt",
-        &recording,
-    ] {
-        assert!(listed.contains(&name), "{name} in {listed:?}");
-    }
+    let listed = listed(&service, &format!("moments/{}.mcap", moment["id"]));
     let zip = folder.path().join("support.zip");
     let fetched = Command::new("curl")
         .args(["--silent", "--show-error", "--fail", "--output"])
@@ -80,11 +84,7 @@ async fn a_support_bundle_has_what_it_lists_and_no_secret() {
     assert!(fetched.unwrap().success());
     let files = unpacked(&zip);
     let files = files.as_object().unwrap();
-    assert_eq!(files.keys().collect::<Vec<_>>(), {
-        let mut sorted = listed.clone();
-        sorted.sort_unstable();
-        sorted
-    });
+    assert!(files.keys().eq(&listed), "{listed:?}");
     let json =
         |name: &str| -> Value { serde_json::from_str(files[name].as_str().unwrap()).unwrap() };
     assert_eq!(json("robot.json")["config"]["wheelbase_m"], 1.2);

@@ -72,14 +72,14 @@ mod tests {
     #[tokio::test]
     async fn a_file_is_streamed_in_pieces_and_its_error_comes_last() {
         let file = written(|to| {
-            to.write_all(&[7; PIECE_BYTES + 1])?;
+            to.write_all(&vec![7; PIECE_BYTES + 1])?;
             Err(io::ErrorKind::UnexpectedEof.into())
         });
         let pieces: Vec<_> = file.collect().await;
         assert_eq!(pieces.len(), 2);
         assert_eq!(pieces[0].as_ref().unwrap().len(), PIECE_BYTES);
         assert!(pieces[1].is_err());
-        let file = written(|to| to.write_all(&[7; PIECE_BYTES + 1]));
+        let file = written(|to| to.write_all(&vec![7; PIECE_BYTES + 1]));
         let bytes: Vec<_> = file.map(|piece| piece.unwrap().len()).collect().await;
         assert_eq!(bytes, [PIECE_BYTES, 1]);
     }
@@ -90,7 +90,7 @@ mod tests {
         let of_writer = Arc::clone(&count);
         let (ended, outcome) = oneshot::channel();
         let mut file = Box::pin(written(move |to| {
-            let mut write = || to.write_all(&[7; PIECE_BYTES]);
+            let mut write = || to.write_all(&vec![7; PIECE_BYTES]);
             let error = loop {
                 if let Err(error) = write() {
                     break error;

@@ -436,7 +436,7 @@ pub const TOKEN_EXPIRES_MAX: Duration = Duration::from_hours(10 * 365 * 24);
 /// Time for which an answer of `security.txt` counts: RFC 9116 recommends less than a year.
 pub const SECURITY_TXT_VALID_FOR: Duration = Duration::from_hours(180 * 24);
 /// Shortest time for which a former signing key is accepted beside the new one.
-pub const FORMER_KEY_ACCEPTED_MIN: Duration = Duration::from_secs(60);
+pub const FORMER_KEY_ACCEPTED_MIN: Duration = Duration::from_mins(1);
 /// Longest time for which a former signing key is accepted beside the new one.
 pub const FORMER_KEY_ACCEPTED_MAX: Duration = Duration::from_hours(366 * 24);
 /// Attempts to sign in under one name from one address at once.

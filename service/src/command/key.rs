@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn a_former_key_is_accepted_for_a_minute_at_least() {
-        assert_eq!(accepted_for("1m"), Ok(Duration::from_secs(60)));
+        assert_eq!(accepted_for("1m"), Ok(Duration::from_mins(1)));
         assert_eq!(accepted_for("366d"), Ok(limits::FORMER_KEY_ACCEPTED_MAX));
         for refused in ["59s", "0s", "367d"] {
             assert!(accepted_for(refused).is_err(), "{refused}");

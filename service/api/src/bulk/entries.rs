@@ -207,9 +207,9 @@ fn value_of(column: &str, cell: &str) -> Value {
 
 /// True if a column has text that may read as a number.
 fn is_text(column: &str) -> bool {
-    let of_stream = column.starts_with("streams.");
-    TEXTS.contains(&column)
-        || of_stream && (column.ends_with(".topic") || column.ends_with(".type"))
+    let last = column.rsplit_once('.').map(|(_, last)| last);
+    let of_stream = column.starts_with("streams.") && matches!(last, Some("topic" | "type"));
+    of_stream || TEXTS.contains(&column)
 }
 
 /// Places a value at the path of a column.
