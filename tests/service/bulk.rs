@@ -1,5 +1,9 @@
 //! Many robots at once: registered by one request, acted on by another, and retired.
 
+use std::time::Duration;
+
+use fleetcal_clock::{Clock as _, SystemClock};
+use fleetcal_domain::timestamp;
 use fleetcal_tests::service::Service;
 use serde_json::{Value, json};
 
@@ -50,7 +54,8 @@ fn five_hundred_are_registered_maintained_and_retired_by_one_request_each() {
     );
     assert_eq!(refused["items"][0]["problem"]["code"], "not_in_maintenance");
 
-    let until = "2100-01-01T00:00:00Z";
+    let until = SystemClock::start().now().plus(Duration::from_hours(1));
+    let until = timestamp::of(until).to_string();
     let begin = action(
         &json!({ "maintenance": { "until": until, "reason": "x" } }),
         ids(),

@@ -358,10 +358,11 @@ mod tests {
                 ..moment(robot, next)
             }
         };
-        let third = limits::MOMENTS_DISK_BYTES_MAX / 3;
+        let small = limits::MOMENTS_DISK_BYTES_OF_ROBOT_MAX / 4;
+        let third = (limits::MOMENTS_DISK_BYTES_MAX - small) / 3;
         shelf.add(sized("one", third));
         for _ in 0..3 {
-            let written = sized("several", limits::MOMENTS_DISK_BYTES_OF_ROBOT_MAX / 4);
+            let written = sized("several", small);
             assert_eq!(shelf.add(written), 0);
         }
         shelf.add(sized("two", third));
