@@ -18,6 +18,8 @@ const PRESENT: &str = "agent_01";
 const WITHOUT: &str = "agent_02";
 /// Robot that is away during two changes, and longer than both keys count elsewhere.
 const AWAY: &str = "agent_03";
+/// Robot that knows the key of another service.
+const LOST: &str = "agv_lost";
 
 /// A process of the robots' side, killed when it goes out of scope.
 struct Process(Child);
@@ -54,7 +56,7 @@ impl Site {
     fn start() -> Self {
         let configured = binary::run(["simulate", "--robots", "2", "--configuration"]);
         let mut config = String::from_utf8(configured.stdout).unwrap();
-        for robot in [PRESENT, WITHOUT, AWAY] {
+        for robot in [PRESENT, WITHOUT, AWAY, LOST] {
             let added = write!(
                 config,
                 "[[robot]]\nid = \"{robot}\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\
@@ -222,18 +224,18 @@ fn robots_take_a_new_signing_key_over_also_when_they_come_back_later() {
 
     // One to whose key no change is signed refuses, says why, and goes on once it is given the key.
     let stranger = SigningKey::from_bytes(&[9; 32]).public_key().to_string();
-    let lost = site.agent(AWAY, &stranger);
-    approve(&site.service, AWAY, 0.011);
+    let lost = site.agent(LOST, &stranger);
+    approve(&site.service, LOST, 0.01);
     let refused = wait_for("the refusal of the robot that knows another key", || {
-        let path = format!("/api/v1/robots/{AWAY}/deployments?limit=1");
+        let path = format!("/api/v1/robots/{LOST}/deployments?limit=1");
         let deployment = site.service.get(&path)["items"][0].clone();
         (deployment["state"] == "refused").then_some(deployment)
     });
     assert!(refused.to_string().contains("--service-key"), "{refused}");
     drop(lost);
-    let _lost = site.agent(AWAY, &new);
-    approve(&site.service, AWAY, 0.012);
-    wait_until_used(&site, AWAY, 3);
+    let _lost = site.agent(LOST, &new);
+    approve(&site.service, LOST, 0.011);
+    wait_until_used(&site, LOST, 2);
 
     heads_stay_verifiable(&site, &former);
 }
