@@ -2,7 +2,7 @@
 //!
 //! Whoever trusts the former key takes the new one over by it. Changes are numbered, and each is
 //! signed with the key that the one before brought: neither an old change nor a key that has ended
-//! leads anywhere. A change travels as an [`Envelope`](crate::calibration::Envelope).
+//! leads anywhere. A change travels as an [`Envelope`].
 
 use std::collections::BTreeSet;
 

@@ -19,7 +19,7 @@ use crate::tapped::Tapped;
 #[derive(Debug, Clone, Copy)]
 struct Place {
     stamp: RobotTime,
-    /// Place of its topic in [`Ring::topics`].
+    /// Place of its topic in the ring's topics.
     topic: u16,
     /// End of its payload in the chunk, which begins where the one before ends.
     end: u32,
