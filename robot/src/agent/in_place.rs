@@ -55,7 +55,7 @@ impl Format {
     /// Returns the text with the pose in it; everything else stays.
     ///
     /// # Errors
-    /// What the text lacks.
+    /// Part that the text lacks.
     pub fn patched(self, text: &str, placed: &Placed<'_>) -> Result<String, String> {
         let Pose2 { x_m, y_m, yaw_rad } = placed.lidar;
         let (frame, note) = (placed.frame, note(placed));
@@ -80,7 +80,7 @@ impl Format {
     /// Returns the text with the pose of the file as it was; everything else stays.
     ///
     /// # Errors
-    /// What one of the two lacks.
+    /// Part that one of the two lacks.
     fn restored(self, text: &str, was: &str, placed: &Placed<'_>) -> Result<String, String> {
         let content = self.places(was, placed)?;
         let content = content.map(|place| was.get(place).unwrap_or_default());

@@ -27,7 +27,7 @@ pub struct Failure {
     pub seed: Option<u64>,
     /// The input.
     pub input: Vec<u8>,
-    /// What happened.
+    /// Message of the failure.
     pub what: String,
 }
 

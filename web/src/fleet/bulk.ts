@@ -127,7 +127,7 @@ export function outcomeOf(kind: Kind, { answers, failed }: Answered): Outcome {
   };
 }
 
-/** Returns the action that takes an outcome back; undefined where there is none. */
+/** Returns the action that takes an outcome back, or undefined if it cannot be taken back. */
 export function undoOf(kind: Kind): FleetAction['action'] | undefined {
   const reason = 'Taken back right after it was done.';
   if (kind === 'maintenance') return { maintenance: { until: null, reason } };
