@@ -58,21 +58,22 @@ pub const CRATES: [Member; 34] = [
         "service/certificate",
         "domain model proto",
     ),
+    member("fleetcal-rollout", "service/rollout", "domain model proto"),
     member(
         "fleetcal-documents",
         "service/documents",
-        "domain model proto",
+        "domain model proto rollout",
     ),
     member("fleetcal-cluster", "service/cluster", "domain model proto"),
     member(
         "fleetcal-store",
         "service/store",
-        "clock cluster domain model proto",
+        "clock cluster domain model proto rollout",
     ),
     member(
         "fleetcal-sql",
         "service/sql",
-        "cluster domain model proto store",
+        "cluster domain model proto rollout store",
     ),
     member("fleetcal-folder", "service/folder", "model proto store"),
     member(
@@ -88,7 +89,7 @@ pub const CRATES: [Member; 34] = [
     member(
         "fleetcal-contract",
         "service/contract",
-        "clock cluster domain model ports postgres proto sqlite store",
+        "clock cluster domain model ports postgres proto rollout sqlite store",
     ),
     member(
         "fleetcal-fleet",
@@ -98,7 +99,7 @@ pub const CRATES: [Member; 34] = [
     member(
         "fleetcal-operations",
         "service/operations",
-        "certificate clock cluster domain estimator fleet model proto robot store",
+        "certificate clock cluster domain estimator fleet model proto robot rollout store",
     ),
     member(
         "fleetcal-moments",
@@ -115,7 +116,7 @@ pub const CRATES: [Member; 34] = [
     member(
         "fleetcal-requests",
         "service/requests",
-        "domain fleet http model operations proto store",
+        "domain fleet http model operations proto rollout store",
     ),
     member(
         "fleetcal-metrics",
@@ -125,7 +126,7 @@ pub const CRATES: [Member; 34] = [
     member(
         "fleetcal-api",
         "service/api",
-        "certificate clock cluster documents domain estimator fleet http metrics model moments operations proto requests store \
+        "certificate clock cluster documents domain estimator fleet http metrics model moments operations proto requests rollout store \
          support view",
     ),
     member(
