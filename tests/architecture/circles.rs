@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 34] = [
+pub const CRATES: [Member; 35] = [
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),
@@ -59,12 +59,12 @@ pub const CRATES: [Member; 34] = [
         "domain model proto",
     ),
     member("fleetcal-rollout", "service/rollout", "domain model proto"),
+    member("fleetcal-cluster", "service/cluster", "domain model proto"),
     member(
         "fleetcal-documents",
         "service/documents",
-        "domain model proto rollout",
+        "cluster domain model proto rollout",
     ),
-    member("fleetcal-cluster", "service/cluster", "domain model proto"),
     member(
         "fleetcal-store",
         "service/store",

@@ -1,12 +1,41 @@
 //! Documents of roll-outs.
 
-use fleetcal_domain::approval::{DeploymentState, ProposalState};
+use fleetcal_domain::approval::{DeploymentState, Present, ProposalState, RobotLedger, outdated};
 use fleetcal_domain::timestamp as time;
 use fleetcal_model::{DeploymentId, ProposalId, RevisionId, RolloutId, Version};
 use fleetcal_proto::RobotId;
 use fleetcal_rollout::{Counts, Followed, Rollout, RolloutState, Stage, WavePlan};
 use jiff::Timestamp;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+
+/// Roll-out to plan or to start.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RolloutRequest {
+    /// Query for the robots, such as `site:hamburg`; all robots unless given.
+    #[serde(default)]
+    #[schema(max_length = 2000)]
+    pub q: Option<String>,
+    /// Waves, 1 to 20.
+    pub waves: Vec<WavePlan>,
+    /// Hash `sha256` of the plan that the person read; required to start.
+    #[serde(default)]
+    pub plan: Option<String>,
+    /// Reason for the approvals, at most 1000 characters.
+    #[serde(default)]
+    #[schema(max_length = 1000)]
+    pub reason: Option<String>,
+}
+
+/// Page of roll-outs, newest first.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub struct RolloutPage {
+    /// Roll-outs without their robots.
+    pub items: Vec<RolloutDocument>,
+    /// Value of `cursor` for the next page; absent on the last one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub next: Option<String>,
+}
 
 /// Staged deployment of the proposals that were pending at its start. Its `ETag` is `version`.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
@@ -190,4 +219,38 @@ pub struct LeftOutDocument {
     pub proposal: ProposalId,
     /// Reason, in words.
     pub reason: String,
+}
+
+impl LeftOutDocument {
+    /// Document of a robot whose open proposal `approver` cannot roll out, with its present
+    /// estimate; `other` is a roll-out that has the proposal already. `None` for a robot that can
+    /// be rolled out, and for one without an open proposal.
+    pub fn of(
+        ledger: &RobotLedger,
+        present: &Present,
+        (approver, other): (&str, Option<RolloutId>),
+    ) -> Option<Self> {
+        let open = ledger.open.as_ref()?;
+        let outdated = || {
+            let revision = ledger.revisions.get(&open.revision)?;
+            outdated(revision, present).map(|outdated| outdated.to_string())
+        };
+        let reason = if let Some(other) = other {
+            format!("roll-out {other} has it")
+        } else if open.proposed_by == approver {
+            format!("{approver} has proposed it, and somebody else has to approve it")
+        } else if open.approvals.iter().any(|one| one.by == approver) {
+            format!("{approver} has approved it already, and a second person has to")
+        } else if let Some(live) = &ledger.live {
+            let state = live.state.as_str();
+            format!("deployment {} of the robot is {state}", live.id)
+        } else {
+            outdated()?
+        };
+        Some(Self {
+            robot: open.robot.clone(),
+            proposal: open.id,
+            reason,
+        })
+    }
 }

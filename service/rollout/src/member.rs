@@ -75,7 +75,7 @@ impl Brought {
 
 /// Stage of a robot in its roll-out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = RolloutStage))]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
     /// Its wave has not begun.
@@ -130,7 +130,7 @@ impl Followed {
 
 /// Numbers of a wave's robots by stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = RolloutCounts))]
 pub struct Counts {
     /// Robots whose wave has not begun.
     pub waiting: u32,

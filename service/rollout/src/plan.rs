@@ -10,7 +10,7 @@ const ROUNDING: f64 = 1e-9;
 
 /// Robots that a wave takes, of those that no earlier wave has.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = WaveTake))]
 #[serde(rename_all = "snake_case")]
 pub enum Take {
     /// Number of robots, the first ones by id.

@@ -42,8 +42,8 @@ fn changed(by: &str, reason: &str) -> Changed {
     }
 }
 
-/// Model of a fleet under one roll-out. A look approves what is released, as the service does each
-/// second; deployments end by the fates.
+/// Model of a fleet under one roll-out. A look takes the step that is due, or else approves what is
+/// released, as the service does each second; deployments end by the fates.
 struct Model {
     rollout: Rollout,
     robots: Vec<Followed>,
@@ -88,7 +88,7 @@ impl Model {
         }
     }
 
-    /// One look: deployments go on, what is due happens, released robots are approved.
+    /// One look: deployments go on, what is due happens, or released robots are approved.
     fn look(&mut self) {
         for ((robot, age), Fate(end, takes)) in
             self.robots.iter_mut().zip(&mut self.age).zip(&self.fates)
@@ -103,6 +103,7 @@ impl Model {
         if let Some((event, reason)) = due(&self.rollout, &self.counts()) {
             let after = self.rollout.after(&event, changed("fleetcal", &reason));
             self.rollout = after.unwrap();
+            return;
         }
         let approver = Grant::of_person(Role::Approver).unwrap();
         for robot in &mut self.robots {

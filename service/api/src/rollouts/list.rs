@@ -2,10 +2,10 @@
 
 use axum::Json;
 use axum::extract::State;
-use fleetcal_documents::RolloutDocument;
+use fleetcal_documents::{RolloutDocument, RolloutPage};
 use fleetcal_rollout::RolloutState;
 use fleetcal_store::RolloutFilter;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use crate::ApiState;
 use crate::extract::{Parameters, number_of};
@@ -24,15 +24,6 @@ pub(super) struct ListParameters {
     limit: Option<String>,
     /// Value of `next` of the previous page.
     cursor: Option<String>,
-}
-
-/// Page of roll-outs, newest first.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
-pub(super) struct RolloutPage {
-    items: Vec<RolloutDocument>,
-    /// Value of `cursor` for the next page; absent on the last one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    next: Option<String>,
 }
 
 /// Lists the roll-outs, newest first, without their robots.

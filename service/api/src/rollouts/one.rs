@@ -45,6 +45,7 @@ pub(super) async fn get_rollout(
     request_body = ReasonBody,
     responses(
         (status = OK, description = "The paused roll-out", body = RolloutDocument),
+        (status = NOT_FOUND, description = "The roll-out is unknown"),
         (status = CONFLICT, description = "The roll-out does not run"),
     ))]
 pub(super) async fn pause_rollout(
@@ -67,6 +68,7 @@ pub(super) async fn pause_rollout(
     request_body = ReasonBody,
     responses(
         (status = OK, description = "The running roll-out", body = RolloutDocument),
+        (status = NOT_FOUND, description = "The roll-out is unknown"),
         (status = CONFLICT, description = "The roll-out is neither paused nor halted"),
     ))]
 pub(super) async fn resume_rollout(
@@ -87,6 +89,7 @@ pub(super) async fn resume_rollout(
     request_body = ReasonBody,
     responses(
         (status = OK, description = "The halted roll-out", body = RolloutDocument),
+        (status = NOT_FOUND, description = "The roll-out is unknown"),
         (status = CONFLICT, description = "The roll-out is halted or finished already"),
     ))]
 pub(super) async fn halt_rollout(

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use axum::http::StatusCode;
 use fleetcal_documents::{LeftOutDocument, PlanDocument, PlannedRobot, PlannedWave};
-use fleetcal_domain::approval::{Proposal, RobotLedger, outdated};
 use fleetcal_domain::limits;
 use fleetcal_model::{ProposalId, RobotId, RolloutId};
 use fleetcal_rollout::{Member, PlanRefused, RolloutState, Take, WavePlan, members_sha256, split};
@@ -29,7 +28,7 @@ pub(super) async fn plan(
     q: Option<&str>,
     waves: &[WavePlan],
 ) -> Result<Plan, Problem> {
-    let query = query_of(q)?;
+    let (query, name) = (query_of(q)?, &*caller.actor.name);
     let queries = queries(waves)?;
     let taken = in_other_rollouts(api).await?;
     let mut robots = BTreeMap::new();
@@ -39,12 +38,10 @@ pub(super) async fn plan(
         let Some(open) = &robot.ledger.open else {
             continue;
         };
-        if let Some(reason) = obstacle(api, caller, (&robot.ledger, open), &taken) {
-            left_out.push(LeftOutDocument {
-                robot: open.robot.clone(),
-                proposal: open.id,
-                reason,
-            });
+        let present = api.lifecycle.present(&open.robot);
+        let other = taken.get(&open.id).copied();
+        if let Some(one) = LeftOutDocument::of(&robot.ledger, &present, (name, other)) {
+            left_out.push(one);
             continue;
         }
         let one = PlannedRobot {
@@ -116,36 +113,6 @@ async fn in_other_rollouts(api: &ApiState) -> Result<BTreeMap<ProposalId, Rollou
         }
     }
     Ok(taken)
-}
-
-/// Reason for which a pending proposal is not rolled out, if any.
-fn obstacle(
-    api: &ApiState,
-    caller: &Caller,
-    (ledger, open): (&RobotLedger, &Proposal),
-    taken: &BTreeMap<ProposalId, RolloutId>,
-) -> Option<String> {
-    let name = &caller.actor.name;
-    if let Some(rollout) = taken.get(&open.id) {
-        return Some(format!("roll-out {rollout} has it"));
-    }
-    if open.proposed_by == *name {
-        return Some(format!(
-            "{name} has proposed it, and somebody else has to approve it"
-        ));
-    }
-    if open.approvals.iter().any(|one| one.by == *name) {
-        return Some(format!(
-            "{name} has approved it already, and a second person has to"
-        ));
-    }
-    if let Some(live) = &ledger.live {
-        let state = live.state.as_str();
-        return Some(format!("deployment {} of the robot is {state}", live.id));
-    }
-    let revision = ledger.revisions.get(&open.revision)?;
-    let outdated = outdated(revision, &api.lifecycle.present(&open.robot));
-    outdated.map(|outdated| outdated.to_string())
 }
 
 fn refused(refused: PlanRefused) -> Problem {

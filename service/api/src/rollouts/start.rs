@@ -4,10 +4,9 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use fleetcal_documents::{PlanDocument, RolloutDocument};
+use fleetcal_documents::{PlanDocument, RolloutDocument, RolloutRequest};
 use fleetcal_domain::limits;
 use fleetcal_operations::lifecycle::StartRollout;
-use fleetcal_rollout::WavePlan;
 use serde::Deserialize;
 
 use super::one::shown;
@@ -26,26 +25,6 @@ pub(super) struct StartParameters {
     dry_run: bool,
 }
 
-/// Roll-out to plan or to start.
-#[derive(Debug, Deserialize, utoipa::ToSchema)]
-#[schema(as = RolloutRequest)]
-#[serde(deny_unknown_fields)]
-pub(super) struct StartBody {
-    /// Query for the robots, such as `site:hamburg`; all robots unless given.
-    #[serde(default)]
-    #[schema(max_length = 2000)]
-    q: Option<String>,
-    /// Waves, 1 to 20.
-    waves: Vec<WavePlan>,
-    /// Hash `sha256` of the plan that the person read; required to start.
-    #[serde(default)]
-    plan: Option<String>,
-    /// Reason for the approvals, at most 1000 characters.
-    #[serde(default)]
-    #[schema(max_length = 1000)]
-    reason: Option<String>,
-}
-
 /// Starts a roll-out: the caller approves the pending proposals that a query selects, and their
 /// waves release the approvals.
 ///
@@ -58,7 +37,7 @@ pub(super) struct StartBody {
     path = "/rollouts",
     tag = "rollouts",
     params(StartParameters),
-    request_body = StartBody,
+    request_body = RolloutRequest,
     responses(
         (status = OK, description = "The plan of a dry run", body = PlanDocument),
         (status = CREATED, description = "The running roll-out", body = RolloutDocument,
@@ -70,7 +49,7 @@ pub(super) async fn start_rollout(
     State(api): State<ApiState>,
     caller: Caller,
     Parameters(StartParameters { dry_run }): Parameters<StartParameters>,
-    Body { value, .. }: Body<StartBody>,
+    Body { value, .. }: Body<RolloutRequest>,
 ) -> Result<Response, Problem> {
     let reason = value.reason.as_deref().unwrap_or_default();
     check_length("reason", reason, limits::NOTE_CHARS_MAX)?;

@@ -35,6 +35,7 @@ async fn rolled(robots: &[&str]) -> Rolled {
             Actor::service(),
         );
         done.await.unwrap();
+        bench.fleet.configure(&robot(name), drawn.clone()).unwrap();
         let values = json!({ "steering_offset_rad": 0.02, "lidar_x_m": 0.43, "lidar_y_m": 0.01,
             "lidar_yaw_rad": 0.01 });
         let body = json!({ "robot": name, "values": values, "reason": "by tape" });

@@ -147,6 +147,7 @@ impl Lifecycle {
         let tasks = &lifecycle.inner.tasks;
         tasks.spawn(answers::hear(lifecycle.clone()));
         tasks.spawn(duty::attend(lifecycle.clone()));
+        tasks.spawn(rollout_duty::attend(lifecycle.clone()));
         // What was decided before the service stopped may not have been sent.
         lifecycle.inner.outbox.notify_one();
         Ok(lifecycle)

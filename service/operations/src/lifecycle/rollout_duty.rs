@@ -2,6 +2,7 @@
 //! the approvals that the begun waves release. An instance releases the robots that it estimates.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::Command;
@@ -10,17 +11,20 @@ use fleetcal_fleet::live::LiveUpdate;
 use fleetcal_model::{RolloutId, Version};
 use fleetcal_rollout::{Followed, Rollout, RolloutRefused, RolloutState, Stage, due};
 use fleetcal_store::{RolloutFilter, StoreError};
+use tokio::time::MissedTickBehavior;
 
 use super::Lifecycle;
 use super::decide::Release;
 use super::rollouts::{AdvanceRollout, ChangeRollout, RolloutChange, StartRollout};
 
+/// Interval of the looks at running roll-outs.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// Looks between two attempts to release a robot whose approval was refused.
 const TRIED_EVERY_LOOKS: u32 = 10;
 
 /// Versions of the running roll-outs at the last look, and the looks since they changed.
 #[derive(Debug, Default)]
-pub(super) struct Looked(BTreeMap<RolloutId, (Version, u32)>);
+struct Looked(BTreeMap<RolloutId, (Version, u32)>);
 
 impl Looked {
     /// True if the robots of a roll-out are to be released now: it has changed, or it is their turn
@@ -33,6 +37,27 @@ impl Looked {
         let is_turn = looks.is_multiple_of(TRIED_EVERY_LOOKS);
         *looks = looks.wrapping_add(1);
         is_turn
+    }
+}
+
+/// Advances the running roll-outs until the lifecycle stops.
+pub(super) async fn attend(lifecycle: Lifecycle) {
+    let mut ticks = tokio::time::interval(LOOK_EVERY);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut looked = Looked::default();
+    let mut failing = false;
+    loop {
+        tokio::select! {
+            () = lifecycle.inner.stop.cancelled() => return,
+            _ = ticks.tick() => {}
+        }
+        let advanced = lifecycle.look_at_rollouts(&mut looked).await;
+        match (&advanced, failing) {
+            (Err(error), false) => tracing::error!(%error, "roll-outs cannot be advanced"),
+            (Ok(()), true) => tracing::info!("roll-outs are advanced again"),
+            _ => {}
+        }
+        failing = advanced.is_err();
     }
 }
 
@@ -67,40 +92,32 @@ impl Lifecycle {
     }
 
     /// Advances the running roll-outs once.
-    pub(super) async fn look_at_rollouts(&self, looked: &mut Looked) {
+    async fn look_at_rollouts(&self, looked: &mut Looked) -> Result<(), StoreError> {
         let running = RolloutFilter {
             state: Some(RolloutState::Running),
             before: None,
             limit: limits::ROLLOUTS_RUNNING_MAX,
         };
-        let rollouts = self.inner.store.rollouts(&running).await;
-        let rollouts = rollouts.inspect_err(|error| {
-            tracing::error!(%error, "the roll-outs cannot be read");
-        });
-        let rollouts = rollouts.unwrap_or_default();
-        looked
-            .0
-            .retain(|id, _| rollouts.iter().any(|one| one.id == *id));
-        for rollout in rollouts {
-            let id = rollout.id;
-            if let Err(error) = self.advance(rollout, looked).await {
-                tracing::error!(%id, %error, "a roll-out cannot be advanced");
-            }
+        let rollouts = self.inner.store.rollouts(&running).await?;
+        let is_running = |id: &RolloutId| rollouts.iter().any(|one| one.id == *id);
+        looked.0.retain(|id, _| is_running(id));
+        for rollout in &rollouts {
+            self.advance(rollout, looked).await?;
         }
+        Ok(())
     }
 
-    async fn advance(&self, rollout: Rollout, looked: &mut Looked) -> Result<(), StoreError> {
+    /// Takes the step that is due for a roll-out, or else releases robots of its begun waves.
+    async fn advance(&self, rollout: &Rollout, looked: &mut Looked) -> Result<(), StoreError> {
         let (store, id) = (&self.inner.store, rollout.id);
         let robots = store.rollout_robots(id).await?;
-        let (rollout, robots) = if due(&rollout, &rollout.counts(&robots)).is_some() {
+        if due(rollout, &rollout.counts(&robots)).is_some() {
             let now = self.inner.clock.now();
-            let after = store.transact(AdvanceRollout { id, now }).await?;
+            store.transact(AdvanceRollout { id, now }).await?;
             self.inner.fleet.announce(LiveUpdate::Rollout);
-            (after.unwrap_or(rollout), robots)
-        } else {
-            (rollout, robots)
-        };
-        if rollout.state != RolloutState::Running || !looked.is_turn(&rollout) {
+            return Ok(());
+        }
+        if !looked.is_turn(rollout) {
             return Ok(());
         }
         for robot in &robots {
@@ -108,7 +125,7 @@ impl Lifecycle {
             if robot.stage(has_begun) != Stage::Released {
                 continue;
             }
-            match self.release(&rollout, robot).await {
+            match self.release(rollout, robot).await {
                 Ok(()) => {}
                 Err(StoreError::Rollout(refused @ RolloutRefused::MayNotApprove(_))) => {
                     return self.halt(id, &refused).await;
