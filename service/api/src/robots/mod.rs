@@ -8,6 +8,7 @@ mod document;
 mod estimate;
 mod events;
 mod history;
+mod innovations;
 mod list;
 mod manoeuvres;
 mod moments;
@@ -46,6 +47,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         ))
         .routes(routes!(estimate::get_estimate))
         .routes(routes!(history::get_history))
+        .routes(routes!(innovations::get_innovations))
         .routes(routes!(cross_track::get_cross_track_error))
         .routes(routes!(checks::get_checks))
         .routes(routes!(manoeuvres::get_manoeuvres))
