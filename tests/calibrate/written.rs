@@ -33,7 +33,24 @@ fn the_report_needs_nothing_else_and_the_session_holds_what_was_found() {
     let found = binary::run_json([["calibrate", recorded].as_slice(), &flags].concat());
 
     let html = fs::read_to_string(&page).unwrap();
-    assert!(html.matches("<svg").count() >= 6, "figures");
+    // Five parameters, NIS, three innovations and the path, each with its numbers.
+    assert!(html.matches("<svg").count() >= 10, "figures");
+    assert_eq!(
+        html.matches("<svg").count(),
+        html.matches("<details>").count()
+    );
+    for told in [
+        "The model explains the data",
+        "NIS, the normalised innovation squared",
+        "Innovation in yaw",
+        "<h2>Events</h2>",
+        "<h2>Correlations</h2>",
+        "light-dark(",
+        concat!("by fleetcal ", env!("CARGO_PKG_VERSION")),
+        " UTC",
+    ] {
+        assert!(html.contains(told), "{told}");
+    }
     assert!(html.contains("robot &lt;b&gt;.mcap") && !html.contains("robot <b>"));
     for foreign in ["<script", "<link", "<img", "src=", "@import", "url("] {
         assert!(!html.contains(foreign), "{foreign}");
