@@ -8,6 +8,9 @@ export type ParameterName = Schemas['ParameterName'];
 export type ParameterStatus = Schemas['ParameterStatus'];
 export type Parameter = Schemas['ParameterDocument'];
 export type Estimate = Schemas['EstimateDocument'];
+export type Consistency = Schemas['Consistency'];
+export type Innovation = Schemas['Innovation'];
+export type Innovations = Schemas['Innovations'];
 export type Detection = Schemas['Detection'];
 export type DetectionState = Schemas['DetectionState'];
 
