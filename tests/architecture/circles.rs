@@ -36,7 +36,8 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 34] = [
+pub const CRATES: [Member; 35] = [
+    member("fleetcal-patience", "tests/patience", ""),
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),

@@ -382,6 +382,29 @@ fn no_document_but_a_generated_one_names_a_commit() {
 }
 
 #[test]
+fn documents_are_short_enough_to_be_read() {
+    for &(path, most) in documents::WORDS_MAX {
+        let whole = root().join(path);
+        let files = if whole.is_dir() {
+            texts(&whole)
+        } else {
+            vec![whole]
+        };
+        let documents = files
+            .iter()
+            .filter(|file| file.extension().is_some_and(|ending| ending == "md"));
+        let words: usize = documents
+            .map(|file| documents::words(&fs::read_to_string(file).unwrap()))
+            .sum();
+        assert!(
+            (most / 2..=most).contains(&words),
+            "{path} has {words} words of at most {most}"
+        );
+    }
+    assert_eq!(documents::words("| 1.25 | --- | two words |"), 2);
+}
+
+#[test]
 fn the_sources_that_architecture_names_are_there() {
     let named = &documents()[Path::new("ARCHITECTURE.md")].sources;
     assert!(named.len() > 20, "{named:?}");
