@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 35] = [
+pub const CRATES: [Member; 36] = [
     member("fleetcal-patience", "tests/patience", ""),
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
@@ -111,6 +111,7 @@ pub const CRATES: [Member; 35] = [
         "service/link",
         "clock cluster domain fleet model operations proto",
     ),
+    member("fleetcal-statistics", "service/statistics", "model"),
     member("fleetcal-view", "service/view", "domain model"),
     member("fleetcal-http", "service/http", "clock domain"),
     member(
