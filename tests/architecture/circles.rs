@@ -127,8 +127,8 @@ pub const CRATES: [Member; 36] = [
     member(
         "fleetcal-api",
         "service/api",
-        "certificate clock cluster documents domain estimator fleet http metrics model moments operations proto requests store \
-         support view",
+        "certificate clock cluster documents domain estimator fleet http metrics model moments operations proto requests \
+         statistics store support view",
     ),
     member(
         "fleetcal-config",

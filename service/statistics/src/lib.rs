@@ -1,6 +1,6 @@
 //! Statistics of a fleet: what the values of many robots say together.
 //!
-//! [`Distribution`] sums up a value over a group of robots. [`common_causes`] names groups whose
+//! [`groups`] sums up the values of groups of robots. [`common_causes`] names groups whose
 //! robots differ from others of their kind, as those of one mounting jig do, and [`unlike`] single
 //! robots. Both state a rate of false names and assume nothing of a group that is too small to
 //! keep it.
@@ -9,12 +9,14 @@
 
 mod common_cause;
 mod distribution;
+mod group;
 mod population;
 mod rank_sum;
 mod unlike;
 
 pub use common_cause::{CAUSES_MAX, CommonCause, Shift, common_causes};
 pub use distribution::Distribution;
+pub use group::{GroupStatistics, Member, groups};
 pub use population::{FOUR, Grouping, Known, Population, Robot};
 pub use unlike::{Unlike, unlike};
 
