@@ -60,9 +60,7 @@ test('a bracket is replaced, and the phone leads to "changed" with its value', a
   await expect(second.getByText('by ada: Bracket')).toBeVisible();
 
   service.simulate(1, TURNED_DEG);
-  await Promise.all(
-    [verdict, theirs].map((shown) => expect(shown).toContainText('Not known yet')),
-  );
+  await Promise.all([verdict, theirs].map((shown) => expect(shown).toContainText('Not known yet')));
   expect(await sideways(second)).toBe(0);
   await expect(answer('May I drive?')).toHaveText('Yes, by hand');
   await expect(answer('Am I done?')).toHaveText(/^No, \d of 4 known$/);
