@@ -36,7 +36,8 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 34] = [
+pub const CRATES: [Member; 36] = [
+    member("fleetcal-patience", "tests/patience", ""),
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),
@@ -110,6 +111,7 @@ pub const CRATES: [Member; 34] = [
         "service/link",
         "clock cluster domain fleet model operations proto",
     ),
+    member("fleetcal-statistics", "service/statistics", "model"),
     member("fleetcal-view", "service/view", "domain model"),
     member("fleetcal-http", "service/http", "clock domain"),
     member(
@@ -125,8 +127,8 @@ pub const CRATES: [Member; 34] = [
     member(
         "fleetcal-api",
         "service/api",
-        "certificate clock cluster documents domain estimator fleet http metrics model moments operations proto requests store \
-         support view",
+        "certificate clock cluster documents domain estimator fleet http metrics model moments operations proto requests \
+         statistics store support view",
     ),
     member(
         "fleetcal-config",

@@ -15,6 +15,7 @@ mod moments;
 mod recording;
 mod registration;
 mod retirement;
+mod statistics;
 mod support;
 mod top_view;
 mod view;
@@ -36,6 +37,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(list::list_robots))
         .routes(routes!(view::get_view))
+        .routes(routes!(statistics::get_statistics))
         .routes(routes!(
             registration::get_robot,
             registration::put_robot,
