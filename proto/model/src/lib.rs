@@ -24,7 +24,7 @@ pub use covariance::CalibrationCovariance;
 pub use label::{LABEL_CHARS_MAX, Label, LabelRefused, TAGS_MAX, Tags};
 pub use number::{
     AlertId, AuditId, DeliveryId, DeploymentId, EventId, Generation, ProposalId, RevisionId,
-    TokenId, UserId, Version, WebhookId,
+    RolloutId, TokenId, UserId, Version, WebhookId,
 };
 pub use parameter::{Counts, Motions, Parameter, ParameterStatus, Unit};
 pub use plane::{Point, Pose2, wrap_angle_rad};

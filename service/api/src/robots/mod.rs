@@ -31,6 +31,7 @@ pub(super) use events::EventDocument;
 pub(super) use recording::Recordings;
 pub(super) use registration::{Prefixes, check_config, prefixes};
 pub(super) use retirement::{bring_back, retire};
+pub(super) use view::{in_view, query_of};
 
 /// Routes under `/robots`.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {

@@ -19,6 +19,7 @@ mod permission;
 mod policy;
 mod recording;
 mod robots;
+mod rollouts;
 mod server;
 mod service;
 mod standing;
