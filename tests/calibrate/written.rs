@@ -41,7 +41,7 @@ fn assert_needs_nothing_else(html: &str) {
         let end = text.find(|c: char| c != '.' && !c.is_ascii_digit());
         text[..end.unwrap()].parse().unwrap()
     };
-    let after = |mark: &str| number(html.split_once(mark).expect(mark).1);
+    let after = |mark: &str| number(html.split_once(mark).unwrap().1);
     let shown = after("svg{min-width:") / after("viewBox=\"0 0 ");
     let letters: Vec<f64> = html.split("font-size=\"").skip(1).map(number).collect();
     assert!(letters.len() > 50);
