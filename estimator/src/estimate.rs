@@ -2,7 +2,8 @@
 
 pub use fleetcal_model::{
     CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, DetectionState,
-    Parameter, ParameterStatus as Status, SigmaEffect, SigmaSource, SigmaTerm,
+    Innovation, ModelFit, Parameter, ParameterStatus as Status, SigmaEffect, SigmaSource,
+    SigmaTerm,
 };
 use serde::{Deserialize, Serialize};
 

@@ -36,7 +36,8 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 35] = [
+pub const CRATES: [Member; 37] = [
+    member("fleetcal-patience", "tests/patience", ""),
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),
@@ -111,6 +112,7 @@ pub const CRATES: [Member; 35] = [
         "service/link",
         "clock cluster domain fleet model operations proto",
     ),
+    member("fleetcal-statistics", "service/statistics", "model"),
     member("fleetcal-view", "service/view", "domain model"),
     member("fleetcal-http", "service/http", "clock domain"),
     member(
@@ -126,8 +128,8 @@ pub const CRATES: [Member; 35] = [
     member(
         "fleetcal-api",
         "service/api",
-        "certificate clock cluster documents domain estimator fleet http metrics model moments operations proto requests rollout store \
-         support view",
+        "certificate clock cluster documents domain estimator fleet http metrics model moments operations proto requests \
+         rollout statistics store support view",
     ),
     member(
         "fleetcal-config",

@@ -122,7 +122,7 @@ pub fn is_finite(document: &EstimateDocument) -> bool {
         && document
             .covariance
             .is_none_or(|covariance| covariance.is_finite())
-        && document.consistency.nis_mean.is_finite()
+        && document.consistency.is_finite()
         && document.distance_m.is_finite()
 }
 

@@ -60,6 +60,7 @@ pub(crate) const TABLE: &[(&str, &str, Access)] = &[
     ("POST", "/api/v1/fleet/actions", Operator),
     ("POST", "/api/v1/fleet/import", Operator),
     ("GET", "/api/v1/fleet/retired", Viewer),
+    ("GET", "/api/v1/fleet/statistics", Viewer),
     ("GET", "/api/v1/robots", Viewer),
     ("GET", "/api/v1/views/robots", Viewer),
     ("GET", "/api/v1/robots/{id}", Viewer),

@@ -8,12 +8,14 @@ mod document;
 mod estimate;
 mod events;
 mod history;
+mod innovations;
 mod list;
 mod manoeuvres;
 mod moments;
 mod recording;
 mod registration;
 mod retirement;
+mod statistics;
 mod support;
 mod top_view;
 mod view;
@@ -36,6 +38,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(list::list_robots))
         .routes(routes!(view::get_view))
+        .routes(routes!(statistics::get_statistics))
         .routes(routes!(
             registration::get_robot,
             registration::put_robot,
@@ -47,6 +50,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         ))
         .routes(routes!(estimate::get_estimate))
         .routes(routes!(history::get_history))
+        .routes(routes!(innovations::get_innovations))
         .routes(routes!(cross_track::get_cross_track_error))
         .routes(routes!(checks::get_checks))
         .routes(routes!(manoeuvres::get_manoeuvres))

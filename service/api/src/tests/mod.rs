@@ -10,6 +10,7 @@ mod cluster;
 mod described;
 mod description;
 mod export;
+mod grafana;
 mod metrics;
 mod metrics_text;
 mod moments;
