@@ -137,6 +137,8 @@ impl Session {
 
     pub fn count_update(&mut self, moved: &Moved) {
         self.excitation.add(moved.distance_m, moved.turn_rad);
+        let steered = &mut self.excitation.steered;
+        steered.add(moved.distance_m, moved.steering_rad);
         self.recent_nis.push_back(moved.innovation.nis as f32);
         if self.recent_nis.len() > NIS_WINDOW {
             self.recent_nis.pop_front();

@@ -13,6 +13,7 @@ pub mod parameter;
 pub mod plane;
 pub mod robot_id;
 pub mod sigma;
+pub mod steering_table;
 pub mod stream;
 pub mod time;
 pub mod vehicle;
@@ -28,6 +29,7 @@ pub use parameter::{Consistency, Counts, Motions, Parameter, ParameterStatus, Un
 pub use plane::{Point, Pose2, wrap_angle_rad};
 pub use robot_id::{RobotId, RobotIdRefused};
 pub use sigma::{SigmaEffect, SigmaSource, SigmaTerm};
+pub use steering_table::{SteeringPoint, SteeringTable, SteeringTableStatus};
 pub use stream::Stream;
 pub use time::{RobotTime, WallTime};
 pub use vehicle::{SpeedMeasuredAt, VehicleModel};
