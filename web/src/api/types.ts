@@ -8,6 +8,7 @@ export type ParameterName = Schemas['ParameterName'];
 export type ParameterStatus = Schemas['ParameterStatus'];
 export type Parameter = Schemas['ParameterDocument'];
 export type Estimate = Schemas['EstimateDocument'];
+export type SteeringTable = Schemas['SteeringTable'];
 export type Detection = Schemas['Detection'];
 export type DetectionState = Schemas['DetectionState'];
 
