@@ -2,8 +2,8 @@
 
 pub use fleetcal_model::{
     CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, DetectionState,
-    Parameter, ParameterStatus as Status, SigmaEffect, SigmaSource, SigmaTerm, SteeringPoint,
-    SteeringTable, SteeringTableStatus,
+    Innovation, ModelFit, Parameter, ParameterStatus as Status, SigmaEffect, SigmaSource,
+    SigmaTerm, SteeringPoint, SteeringTable, SteeringTableStatus,
 };
 use serde::{Deserialize, Serialize};
 

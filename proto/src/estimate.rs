@@ -259,7 +259,7 @@ pub struct CalibrationReport {
 impl CalibrationReport {
     /// Version that grows by one whenever a field is renamed, removed or changes its meaning. An
     /// added field does not change it.
-    pub const SCHEMA_VERSION: u32 = 1;
+    pub const SCHEMA_VERSION: u32 = 2;
 }
 
 #[cfg(test)]
@@ -360,7 +360,7 @@ mod tests {
             ]
         );
         // Whoever changes the names above raises it.
-        assert_eq!(json["schema_version"], 1);
+        assert_eq!(json["schema_version"], 2);
         assert_eq!(json["vehicle"]["model"], "bicycle");
         assert_eq!(json["events"][0]["cause"], "lidar_mount");
         assert_eq!(json["events"][0]["change"]["lidar_x"], 0.02);

@@ -80,11 +80,7 @@ pub fn estimate(name: &str, t_s: i64, offset_rad: f64, yaw_rad: f64) -> Estimate
         steering_table: None,
         reassembly_open: false,
         detection: None,
-        consistency: Consistency {
-            nis_mean: 3.0,
-            nis_dof: 3.0,
-            samples: 10,
-        },
+        consistency: Consistency::of(3.0, 3.0, 10, None),
         counts: Counts::default(),
         motions: None,
         lidar_in_base_link: None,

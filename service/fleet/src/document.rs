@@ -131,7 +131,7 @@ pub fn is_finite(document: &EstimateDocument) -> bool {
             .steering_table
             .as_ref()
             .is_none_or(SteeringTable::is_sound)
-        && document.consistency.nis_mean.is_finite()
+        && document.consistency.is_finite()
         && document.distance_m.is_finite()
 }
 

@@ -3,9 +3,10 @@
 use std::fs;
 
 use fleetcal_model::{Generation, RobotTime};
+use fleetcal_patience::until;
 use fleetcal_proto::calibration::AppliedStatus;
 
-use super::service::{Service, free_endpoint, until};
+use super::service::{Service, free_endpoint};
 use super::wire::{BY_HAND, Robot, text_of};
 use super::*;
 use crate::agent::{Ending, Fallback, Offer, Outcome, Phase, Rest, Trial};

@@ -10,6 +10,7 @@ use fleetcal_store::StoreError;
 use tokio::time::MissedTickBehavior;
 
 use super::Lifecycle;
+use super::rollout_duty::Looked;
 use crate::notes;
 
 /// Interval of the checks of the records.
@@ -19,12 +20,14 @@ const LOOK_EVERY: Duration = Duration::from_secs(1);
 pub(super) async fn attend(lifecycle: Lifecycle) {
     let mut ticks = tokio::time::interval(LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut looked = Looked::default();
     loop {
         tokio::select! {
             () = lifecycle.inner.stop.cancelled() => return,
             _ = ticks.tick() => {}
         }
         lifecycle.look().await;
+        lifecycle.look_at_rollouts(&mut looked).await;
     }
 }
 
