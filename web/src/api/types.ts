@@ -8,6 +8,7 @@ export type ParameterName = Schemas['ParameterName'];
 export type ParameterStatus = Schemas['ParameterStatus'];
 export type Parameter = Schemas['ParameterDocument'];
 export type Estimate = Schemas['EstimateDocument'];
+export type SteeringTable = Schemas['SteeringTable'];
 export type Consistency = Schemas['Consistency'];
 export type Innovation = Schemas['Innovation'];
 export type Innovations = Schemas['Innovations'];
