@@ -32,6 +32,7 @@ mod cluster;
 mod compensated;
 mod moves;
 mod notes;
+mod previews;
 mod restarts;
 mod senders;
 

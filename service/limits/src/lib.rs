@@ -2,6 +2,7 @@
 
 mod bulk;
 mod moments;
+mod preview;
 mod support;
 mod zenoh;
 
@@ -11,6 +12,7 @@ use fleetcal_model::Stream;
 
 pub use bulk::*;
 pub use moments::*;
+pub use preview::*;
 pub use support::*;
 pub use zenoh::*;
 

@@ -11,6 +11,7 @@ mod history;
 mod list;
 mod manoeuvres;
 mod moments;
+mod preview;
 mod recording;
 mod registration;
 mod retirement;
@@ -44,6 +45,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
             description::get_description,
             description::take_description
         ))
+        .routes(routes!(preview::preview_robot))
         .routes(routes!(estimate::get_estimate))
         .routes(routes!(history::get_history))
         .routes(routes!(cross_track::get_cross_track_error))
