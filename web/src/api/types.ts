@@ -39,6 +39,7 @@ export type MessageType = Schemas['MessageType'];
 export type AnnouncedTopic = Schemas['AnnouncedTopic'];
 export type Stream = Schemas['StreamCounts'];
 export type Checks = Schemas['Checks'];
+export type Preview = Schemas['Preview'];
 export type Moment = Schemas['Moment'];
 export type Moments = Schemas['Moments'];
 export type SupportList = Schemas['SupportList'];

@@ -69,6 +69,7 @@ pub(crate) const TABLE: &[(&str, &str, Access)] = &[
     ("POST", "/api/v1/robots/{id}/bring-back", Operator),
     ("GET", "/api/v1/robots/{id}/description", Viewer),
     ("POST", "/api/v1/robots/{id}/description", Operator),
+    ("POST", "/api/v1/robots/{id}/preview", Operator),
     ("GET", "/api/v1/robots/{id}/estimate", Viewer),
     ("GET", "/api/v1/robots/{id}/history", Viewer),
     ("GET", "/api/v1/robots/{id}/cross_track_error", Viewer),
