@@ -52,7 +52,8 @@ pub struct Block {
     pub phase: [f32; LANES],
     /// One over the ranges, 1/m.
     pub inverse_range: [f32; LANES],
-    joined: [bool; LANES],
+    /// True where the surface continues to the next point in the open: both see it well.
+    pub joined: [bool; LANES],
     count: usize,
 }
 

@@ -1,11 +1,18 @@
 //! The coarse stage: a discrete search over x, y and yaw, scored on the occupied map.
 //!
-//! A random subsample of the scan is laid over the map at every pose of a grid bounded by how far
+//! An even subsample of the scan is laid over the map at every pose of a grid bounded by how far
 //! the LiDAR can have come; the score is the number of points on occupied cells. It runs where the
 //! predicted pose does not fit: at a bad prediction, after missing scans, after a loss.
+//!
+//! The points of one yaw are scored at a whole row of shifts at once: of the map's picture, one bit a cell,
+//! each point takes the bits around it, and [`picture::Counts`] adds them up in columns.
+
+mod picture;
+
+use picture::Picture;
 
 use super::beam_filter::ScanPoints;
-use super::point_to_line::LocalMotion;
+use super::local_motion::LocalMotion;
 use super::submap::{CELL_M, Cell, LocalOrigin, Submap};
 use crate::geometry::Pose2;
 
@@ -24,9 +31,6 @@ const BEST: usize = 4;
 const COARSE_CELLS: i32 = 4;
 /// Step of the coarse grid in yaw, rad: 2.5°, half a step moves a point at 10 m by two cells.
 const COARSE_YAW_RAD: f64 = 0.044;
-/// Edge of the picture of the map, in cells (±25.6 m).
-const EDGE: i32 = 512;
-const WORDS: usize = (EDGE / 64) as usize;
 
 /// Reach of the search on each side of the guess.
 #[derive(Debug, Clone, Copy)]
@@ -37,96 +41,6 @@ pub struct Window {
     pub yaw_rad: f64,
 }
 
-/// The occupied cells around the LiDAR, one bit a cell.
-struct Picture {
-    low: Cell,
-    rows: Vec<[u64; WORDS]>,
-}
-
-impl Picture {
-    fn of(submap: &Submap, centre: Cell) -> Self {
-        let low = Cell {
-            x: centre.x - EDGE / 2,
-            y: centre.y - EDGE / 2,
-        };
-        let mut picture = Self {
-            low,
-            rows: vec![[0; WORDS]; EDGE as usize],
-        };
-        submap.for_each_occupied(centre, EDGE / 2, |cell| {
-            let (x, y) = (cell.x - low.x, cell.y - low.y);
-            if let Some(row) = usize::try_from(y)
-                .ok()
-                .and_then(|y| picture.rows.get_mut(y))
-                && let Some(word) = usize::try_from(x >> 6).ok().and_then(|x| row.get_mut(x))
-            {
-                *word |= 1 << (x & 63);
-            }
-        });
-        picture
-    }
-
-    /// The picture with every occupied cell widened by `reach` cells on each side.
-    fn widened(&self, reach: usize) -> Self {
-        let mut wide: Vec<[u64; WORDS]> =
-            self.rows.iter().map(|row| widen_row(row, reach)).collect();
-        let narrow = wide.clone();
-        for (index, row) in wide.iter_mut().enumerate() {
-            let from = index.saturating_sub(reach);
-            let to = (index + reach + 1).min(narrow.len());
-            for other in narrow.get(from..to).unwrap_or_default() {
-                for (word, more) in row.iter_mut().zip(other) {
-                    *word |= more;
-                }
-            }
-        }
-        Self {
-            low: self.low,
-            rows: wide,
-        }
-    }
-
-    #[inline]
-    fn holds(&self, cell: Cell) -> bool {
-        let (x, y) = (cell.x - self.low.x, cell.y - self.low.y);
-        usize::try_from(y)
-            .ok()
-            .and_then(|y| self.rows.get(y))
-            .and_then(|row| row.get(usize::try_from(x >> 6).ok()?))
-            .is_some_and(|word| word >> (x & 63) & 1 == 1)
-    }
-
-    fn score(&self, cells: &[Cell], shift: Cell) -> u32 {
-        cells
-            .iter()
-            .map(|cell| {
-                u32::from(self.holds(Cell {
-                    x: cell.x + shift.x,
-                    y: cell.y + shift.y,
-                }))
-            })
-            .sum()
-    }
-}
-
-fn widen_row(row: &[u64; WORDS], reach: usize) -> [u64; WORDS] {
-    let mut wide = *row;
-    for _ in 0..reach {
-        let before = wide;
-        let mut from_left = 0;
-        for (word, &old) in wide.iter_mut().zip(&before) {
-            *word |= old << 1 | from_left;
-            from_left = old >> 63;
-        }
-        let mut from_right = 0;
-        for (word, &old) in wide.iter_mut().zip(&before).rev() {
-            *word |= old >> 1 | from_right;
-            from_right = old << 63;
-        }
-    }
-    wide
-}
-
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Candidate {
     score: u32,
@@ -135,12 +49,13 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// The better first; of equals the one nearer to the guess.
-    fn rank(&self) -> (std::cmp::Reverse<u32>, i32) {
+    /// The better first; of equals the one nearer to the guess, and of those always the same one.
+    fn rank(&self) -> impl Ord + use<> {
         let Cell { x, y } = self.shift;
         (
             std::cmp::Reverse(self.score),
             x.abs() + y.abs() + 2 * self.yaw_step.abs(),
+            (self.yaw_step, y, x),
         )
     }
 }
@@ -199,7 +114,7 @@ pub fn search(
 ) -> Vec<Pose2> {
     let mut overlay = Overlay::new(points, deskew, guess);
     let fine = Picture::of(submap, overlay.centre());
-    let coarse = fine.widened((COARSE_CELLS / 2) as usize);
+    let coarse = fine.widened((COARSE_CELLS / 2) as usize, COARSE_CELLS);
 
     // 1. Every pose of the coarse grid, on the widened map.
     let mut candidates = Vec::new();
@@ -208,22 +123,23 @@ pub fn search(
     let is_wide = window.reach_m > WIDE_M;
     for yaw_step in -yaw_steps..=yaw_steps {
         let cells = overlay.cells_at(guess.yaw_rad + f64::from(yaw_step) * COARSE_YAW_RAD);
-        for y in -reach..=reach {
-            for x in -reach..=reach {
-                let shift = Cell {
-                    x: x * COARSE_CELLS,
-                    y: y * COARSE_CELLS,
-                };
-                let first = cells.get(..cells.len() / 4).unwrap_or_default();
-                if is_wide && coarse.score(first, shift) * 2 < first.len() as u32 {
-                    continue;
-                }
-                candidates.push(Candidate {
-                    score: coarse.score(cells, shift),
-                    yaw_step,
-                    shift,
-                });
+        let (first, rest) = cells.split_at(cells.len() / 4);
+        for y in (-reach..=reach).map(|y| y * COARSE_CELLS) {
+            let of_first = coarse.counts(first, Cell { x: 0, y }, reach);
+            let passes = |column: usize| !is_wide || 2 * of_first.of(column) >= first.len() as u32;
+            let columns = (0..=2 * reach as usize).filter(|column| passes(*column));
+            if columns.clone().next().is_none() {
+                continue;
             }
+            let of_rest = coarse.counts(rest, Cell { x: 0, y }, reach);
+            candidates.extend(columns.map(|column| Candidate {
+                score: of_first.of(column) + of_rest.of(column),
+                yaw_step,
+                shift: Cell {
+                    x: (column as i32 - reach) * COARSE_CELLS,
+                    y,
+                },
+            }));
         }
         if candidates.len() > CANDIDATES_HELD_MAX {
             keep_best(&mut candidates);
@@ -249,8 +165,11 @@ pub fn search(
 }
 
 fn keep_best(candidates: &mut Vec<Candidate>) {
+    if candidates.len() > CANDIDATES {
+        candidates.select_nth_unstable_by_key(CANDIDATES, Candidate::rank);
+        candidates.truncate(CANDIDATES);
+    }
     candidates.sort_unstable_by_key(Candidate::rank);
-    candidates.truncate(CANDIDATES);
 }
 
 /// The best pose around a candidate of the coarse grid: score, yaw and shift.
@@ -267,12 +186,17 @@ fn refine(
             + (f64::from(candidate.yaw_step) + 0.25 * f64::from(quarter)) * COARSE_YAW_RAD;
         let cells = overlay.cells_at(yaw_rad);
         for y in -half..=half {
-            for x in -half..=half {
+            let middle = Cell {
+                x: candidate.shift.x,
+                y: candidate.shift.y + y,
+            };
+            let counts = fine.counts(cells, middle, half);
+            for (column, x) in (-half..=half).enumerate() {
+                let score = counts.of(column);
                 let shift = Cell {
-                    x: candidate.shift.x + x,
-                    y: candidate.shift.y + y,
+                    x: middle.x + x,
+                    ..middle
                 };
-                let score = fine.score(cells, shift);
                 if best.is_none_or(|(highest, _, _)| score > highest) {
                     best = Some((score, yaw_rad, shift));
                 }

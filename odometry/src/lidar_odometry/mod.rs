@@ -9,6 +9,7 @@ mod covariance;
 mod fit;
 mod floor;
 mod local_map;
+mod local_motion;
 mod motion;
 mod normal_equations;
 mod point_to_line;
@@ -29,13 +30,14 @@ use crate::field::FieldRefused;
 use crate::geometry::Pose2;
 use crate::occupancy_grid::{ORIGIN_MAX_M, OccupancyGrid};
 use crate::scan::Scan;
-use beam_filter::{BLOCKS_MAX, BeamFilter, LANES, ScanPoints};
+use beam_filter::{BeamFilter, ScanPoints};
 use covariance::OpenDirection;
 use fit::Fit;
 use floor::{FloorWatch, LearntFloor};
 use local_map::LocalMap;
+use local_motion::LocalMotion;
 use motion::Motion;
-use point_to_line::{Alignment, LocalMotion};
+use point_to_line::Alignment;
 use scanner::{Remap, Scanner};
 use submap::{KnownMap, LocalOrigin};
 use tracking::Track;
@@ -205,7 +207,7 @@ impl LidarOdometry {
 
         // 3. Alignment from there; where it does not fit, from the best poses of a coarse search.
         let mut solution = self.align(&predicted)?;
-        if self.track.distrusts(&solution.fit) || Track::is_vague(&predicted) {
+        if self.track.distrusts(&solution.fit) {
             self.search(&mut solution, &predicted, dt.unwrap_or_default());
         }
 
@@ -367,14 +369,14 @@ impl LidarOdometry {
         let mut motion = predicted.clone();
         let mut open = None;
         let mut chi2 = (0.0, 0.0);
-        let mut squares = [[f32::INFINITY; LANES]; BLOCKS_MAX];
+        let mut matches = alignment.unmatched();
         let mut is_settled = false;
         for iteration in 0..ITERATIONS_MAX {
             let local = LocalMotion::new(&motion, origin);
             let stride = if iteration == 0 { 2 } else { 1 };
-            let mut equations = alignment.linearise(&local, stride, &mut squares);
+            let mut equations = alignment.linearise(&local, stride, &mut matches);
             if let Some(direction) = covariance::suspect_direction(&equations) {
-                let facing = alignment.information_facing(&local, direction);
+                let facing = alignment.information_facing(&local, direction, &mut matches);
                 open = covariance::is_open(facing).then_some(OpenDirection { direction });
             }
             if let Some(open) = &open {
@@ -392,9 +394,9 @@ impl LidarOdometry {
         }
         let local = LocalMotion::new(&motion, origin);
         if !is_settled {
-            alignment.linearise(&local, 1, &mut squares);
+            alignment.linearise(&local, 1, &mut matches);
         }
-        let fit = alignment.assess(&local, &self.map.free_space, &squares, ASSESS_STRIDE);
+        let fit = alignment.assess(&local, &self.map.free_space, &matches, ASSESS_STRIDE);
         Some(Solution {
             motion,
             fit,

@@ -11,6 +11,7 @@ mod known_map;
 mod surfel;
 #[cfg(test)]
 mod tests;
+mod tile_cells;
 mod tiles;
 
 use std::ops::Range;
@@ -22,7 +23,7 @@ pub use known_map::KnownMap;
 pub use surfel::{Fitted, Line, LineQuality, Moments, WindowMoments};
 
 use cell::CELL;
-use tiles::{Neighbours, TilePool};
+use tiles::{Around, TilePool, points_at};
 
 /// Fewest points of a window of cells; of fewer, a wider window is used.
 const SPARSE_POINTS: f32 = 8.0;
@@ -42,7 +43,6 @@ pub struct Submap {
     tiles: TilePool,
     known: Option<Arc<KnownMap>>,
     updates: u32,
-    to_fit: Vec<Cell>,
     quality: LineQuality,
     /// Quality that a line of one cell alone needs.
     quality_alone: LineQuality,
@@ -69,7 +69,6 @@ impl Default for Submap {
             tiles: TilePool::default(),
             known: None,
             updates: 0,
-            to_fit: Vec::new(),
             quality,
             quality_alone,
         }
@@ -103,7 +102,7 @@ impl Submap {
 
     /// Bytes held, without the known map, which robots share.
     pub fn memory_bytes(&self) -> usize {
-        self.tiles.memory_bytes() + self.to_fit.capacity() * size_of::<Cell>()
+        self.tiles.memory_bytes()
     }
 
     /// The line of a cell: the known one, else the one that was seen.
@@ -147,97 +146,24 @@ impl Submap {
         if self.known().is_some_and(|known| known.line(cell).exists()) {
             return;
         }
-        let update = self.updates as u16;
-        if let Some(moments) = self.tiles.moments_or_new(cell, self.updates)
-            && moments.add((x, y), direction, weight, update)
-        {
-            self.to_fit.push(cell);
-        }
-    }
-
-    /// Ends the update: fits the lines around every cell that changed.
-    pub fn end_update(&mut self) {
-        let mut changed = std::mem::take(&mut self.to_fit);
-        for &Cell { x, y } in &changed {
-            for dy in -1..=1 {
-                for dx in -1..=1 {
-                    self.refit(Cell {
-                        x: x + dx,
-                        y: y + dy,
-                    });
-                }
-            }
-        }
-        changed.clear();
-        self.to_fit = changed;
-    }
-
-    /// Fits a cell's line, once in an update.
-    fn refit(&mut self, cell: Cell) {
-        let Some(moments) = self.tiles.moments_mut(cell) else {
-            return;
-        };
-        if moments.last_fit == self.updates {
-            return;
-        }
-        moments.last_fit = self.updates;
-        let line = self.fit(cell);
-        self.tiles.set_line(cell, line);
+        self.tiles
+            .add(cell, (x, y), direction, weight, self.updates);
     }
 
     /// Forgets the points of a cell: a beam went through it.
     pub fn forget(&mut self, cell: Cell) {
-        if let Some(moments) = self.tiles.moments_mut(cell)
-            && moments.n > 0.0
-        {
-            *moments = Moments {
-                last_fit: moments.last_fit,
-                ..Moments::default()
-            };
-            self.to_fit.push(cell);
-        }
+        self.tiles.forget(cell);
     }
 
-    fn fit(&self, cell: Cell) -> Line {
-        let near = self.tiles.around::<NEAR>(cell);
-        let window = gathered(&near, 0..NEAR, 0..NEAR);
-        if window.count() < 0.5 {
-            return Line::NONE;
-        }
-        if let Some(whole) = window.fit(&self.quality) {
-            return self.without_corner(&near, &whole).unwrap_or(whole.line);
-        }
-        // Clutter or a corner: the cell alone may still show a line. Few points: a wider look may.
-        let is_sparse = window.count() < SPARSE_POINTS;
-        if is_sparse {
-            let wide = self.tiles.around::<WIDE>(cell);
-            gathered(&wide, 0..WIDE, 0..WIDE).line(&self.quality)
-        } else {
-            gathered(&near, 1..2, 1..2).line(&self.quality_alone)
-        }
-    }
-
-    /// The line through a window less the side on which another surface begins, where there is one:
-    /// without it the points scatter less across their line, and more so than by chance.
-    ///
-    /// Corners of boxes stick out, so that lines laid around them lie too far back, and a scan
-    /// compared with those looks too small. A rolling scan shows that as a motion to its side: its
-    /// turns came out displaced by 0.4 mm a radian.
-    fn without_corner(&self, near: &Neighbours<'_, NEAR>, whole: &Fitted) -> Option<Line> {
-        if whole.across_m2 < self.quality.noise_m2 {
-            return None;
-        }
-        let (mut best, mut least_m2) = (None, whole.across_m2);
-        for (columns, rows) in WITHOUT_A_SIDE {
-            let part = gathered(near, columns, rows);
-            if let Some(part) = part.fit(&self.quality)
-                && part.across_at_most_m2() < least_m2
-            {
-                least_m2 = part.across_at_most_m2();
-                best = Some(part.line);
-            }
-        }
-        best
+    /// Ends the update: fits the lines around every cell that changed.
+    pub fn end_update(&mut self) {
+        let Self {
+            tiles,
+            quality,
+            quality_alone,
+            ..
+        } = self;
+        tiles.fit_changed(|around, x, y| fit(around, x, y, quality, quality_alone));
     }
 
     /// Calls `visit` with each occupied cell at most `reach` cells from `centre` in x and y, and
@@ -250,21 +176,82 @@ impl Submap {
     }
 }
 
-/// The points in some columns and rows of cells around the middle one.
-#[inline]
-fn gathered<const EDGE: usize>(
-    around: &Neighbours<'_, EDGE>,
-    columns: Range<usize>,
-    rows: Range<usize>,
-) -> WindowMoments {
-    let from_middle_m = |index: usize| (index as f32 - (EDGE / 2) as f32) * CELL;
-    let mut window = WindowMoments::default();
-    for y in rows {
-        for x in columns.clone() {
-            if let Some(moments) = around[y][x] {
-                window.add(moments, from_middle_m(x), from_middle_m(y));
+/// The line of a cell, by its column and row in the middle one of nine tiles.
+fn fit(
+    around: &Around<'_>,
+    x: i32,
+    y: i32,
+    quality: &LineQuality,
+    quality_alone: &LineQuality,
+) -> Line {
+    let near = window::<NEAR>(around, x, y);
+    let all = gathered(&near, 0..NEAR, 0..NEAR);
+    if all.count() < 0.5 {
+        return Line::NONE;
+    }
+    if let Some(whole) = all.fit(quality) {
+        return without_corner(&near, &whole, quality).unwrap_or(whole.line);
+    }
+    // Clutter or a corner: the cell alone may still show a line. Few points: a wider look may.
+    if all.count() < SPARSE_POINTS {
+        gathered(&window::<WIDE>(around, x, y), 0..WIDE, 0..WIDE).line(quality)
+    } else {
+        gathered(&near, 1..2, 1..2).line(quality_alone)
+    }
+}
+
+/// The line through a window less the side on which another surface begins, where there is one:
+/// without it the points scatter less across their line, and more so than by chance.
+///
+/// Corners of boxes stick out, so that lines laid around them lie too far back, and a scan
+/// compared with those looks too small. A rolling scan shows that as a motion to its side: its
+/// turns came out displaced by 0.4 mm a radian.
+fn without_corner(near: &Window<NEAR>, whole: &Fitted, quality: &LineQuality) -> Option<Line> {
+    if whole.across_m2 < quality.noise_m2 {
+        return None;
+    }
+    let (mut best, mut least_m2) = (None, whole.across_m2);
+    for (columns, rows) in WITHOUT_A_SIDE {
+        let part = gathered(near, columns, rows);
+        if let Some(part) = part.fit(quality)
+            && part.across_at_most_m2() < least_m2
+        {
+            least_m2 = part.across_at_most_m2();
+            best = Some(part.line);
+        }
+    }
+    best
+}
+
+/// Cells around a middle one, row by row, each with its points about the middle one's centre.
+type Window<const EDGE: usize> = [[WindowMoments; EDGE]; EDGE];
+
+/// The window around a cell.
+fn window<const EDGE: usize>(around: &Around<'_>, x: i32, y: i32) -> Window<EDGE> {
+    let middle = EDGE as i32 / 2;
+    let mut window = [[WindowMoments::default(); EDGE]; EDGE];
+    for (row, cells) in (-middle..).zip(&mut window) {
+        for (column, cell) in (-middle..).zip(cells) {
+            if let Some(moments) = points_at(around, x + column, y + row) {
+                *cell = WindowMoments::of(moments, column as f32 * CELL, row as f32 * CELL);
             }
         }
     }
     window
+}
+
+/// The points in some columns and rows of a window.
+#[inline]
+fn gathered<const EDGE: usize>(
+    window: &Window<EDGE>,
+    columns: Range<usize>,
+    rows: Range<usize>,
+) -> WindowMoments {
+    let mut sum = WindowMoments::default();
+    for cells in &window[rows] {
+        for cell in &cells[columns.clone()] {
+            sum.add(cell);
+        }
+    }
+    sum
 }
