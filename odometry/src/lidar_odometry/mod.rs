@@ -207,7 +207,7 @@ impl LidarOdometry {
 
         // 3. Alignment from there; where it does not fit, from the best poses of a coarse search.
         let mut solution = self.align(&predicted)?;
-        if self.track.distrusts(&solution.fit) {
+        if self.track.distrusts(&solution.fit) || Track::is_vague(&predicted) {
             self.search(&mut solution, &predicted, dt.unwrap_or_default());
         }
 
@@ -472,17 +472,25 @@ impl LidarOdometry {
     }
 
     /// Looks for a better pose than `solution` around the prediction, and where the last scan was:
-    /// the velocity of one that people hid half of may be wrong.
+    /// the velocity of one that people hid half of may be wrong. Where `solution` fits, only poses count
+    /// that the prediction allows for and that more points agree with.
     fn search(&self, solution: &mut Solution, predicted: &Motion, dt: f64) {
-        let deskew = LocalMotion::new(predicted, LocalOrigin::near(0.0, 0.0));
+        let mut window = self.track.window(dt);
+        let mut last = self.motion.as_ref().map(|motion| motion.pose);
+        let mut rival = None;
+        if !self.track.distrusts(&solution.fit) {
+            window = window.within(predicted.pose_sigmas());
+            last = None;
+            rival = Some(solution.motion.pose);
+        }
         let poses = correlative_search::search(
             &self.points,
             &self.map.submap,
             predicted.pose,
-            &deskew,
-            self.track.window(dt),
+            &LocalMotion::new(predicted, LocalOrigin::near(0.0, 0.0)),
+            window,
+            rival,
         );
-        let last = self.motion.as_ref().map(|motion| motion.pose);
         // The velocity at a map's first scan is not known.
         let is_tracked = !self.track.is_lost() && self.first_scan.is_none();
         let tracked = (is_tracked && dt >= BENT_FROM_S).then_some(predicted);

@@ -90,6 +90,18 @@ impl Motion {
         motion
     }
 
+    /// One sigma of the position along its best known axis, m, and of the yaw, rad. A corridor's
+    /// axis does not count.
+    pub fn pose_sigmas(&self) -> (f64, f64) {
+        let (xx, xy, yy) = (
+            self.covariance[(0, 0)],
+            self.covariance[(0, 1)],
+            self.covariance[(1, 1)],
+        );
+        let least = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
+        (least.max(0.0).sqrt(), self.covariance[(2, 2)].sqrt())
+    }
+
     /// True if there was a scan before to know the velocity from.
     pub fn is_known(&self) -> bool {
         self.is_known
@@ -200,7 +212,7 @@ mod tests {
         let difference = predicted.covariance - predicted.covariance.transpose();
         assert!(difference.amax() < 1e-15);
         assert!(predicted.covariance.cholesky().is_some());
-        assert!(predicted.covariance[(0, 0)] > motion.covariance[(0, 0)]);
+        assert!(predicted.pose_sigmas().0 > motion.pose_sigmas().0);
     }
 
     #[test]

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::correlative_search::Window;
 use super::fit::{AGREEMENT_FOUND, Fit};
+use super::motion::Motion;
 
 /// Trust in a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,6 +24,10 @@ pub enum Tracking {
 const EXPLAINED_MIN: f32 = 0.3;
 /// Least share that a pose found again after a loss explains.
 const EXPLAINED_RECOVERED_MIN: f32 = 0.5;
+/// Largest sigma of a prediction's position within the alignment's basin, m.
+const BASIN_M: f64 = 0.05;
+/// The same in yaw, rad.
+const BASIN_RAD: f64 = 0.03;
 /// Part of the recent closeness of the points below which a better pose is searched for.
 const CLOSENESS_DROP: f32 = 0.9;
 /// Part of the recent closeness below which a scan is lost; one found again has to come nearer to
@@ -62,6 +67,12 @@ enum Placed {
 }
 
 impl Track {
+    /// True if the prediction is too vague for the alignment to fall into place from it.
+    pub fn is_vague(predicted: &Motion) -> bool {
+        let (position_m, yaw_rad) = predicted.pose_sigmas();
+        position_m > BASIN_M || yaw_rad > BASIN_RAD
+    }
+
     /// True if a better pose should be searched for: the fit is poor, or poorer than those before.
     pub fn distrusts(self, fit: &Fit) -> bool {
         !fit.is_good() || fit.closeness() < CLOSENESS_DROP * self.closeness

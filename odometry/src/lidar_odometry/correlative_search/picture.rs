@@ -10,13 +10,8 @@ const WORDS: usize = (EDGE / 64) as usize;
 const DIGITS: usize = 8;
 
 /// The occupied cells around the LiDAR, one bit a cell.
-///
-/// Its columns stand in `step` groups: those of the columns 0, `step`, 2 `step` …, then those of 1,
-/// `step` + 1 … So a window of every `step`-th column is a few bits side by side.
 pub struct Picture {
     low: Cell,
-    /// Columns from one bit to the next, a power of two.
-    step: i32,
     rows: Vec<[u64; WORDS]>,
 }
 
@@ -34,12 +29,11 @@ impl Picture {
                 set(row, x);
             }
         });
-        Self { low, step: 1, rows }
+        Self { low, rows }
     }
 
-    /// The picture with every occupied cell widened by `reach` cells on each side, to be read at every
-    /// `step`-th column.
-    pub fn widened(&self, reach: usize, step: i32) -> Self {
+    /// The picture with every occupied cell widened by `reach` cells on each side.
+    pub fn widened(&self, reach: usize) -> Self {
         let narrow: Vec<_> = self.rows.iter().map(|row| widen_row(row, reach)).collect();
         let rows = (0..narrow.len()).map(|index| {
             let to = (index + reach + 1).min(narrow.len());
@@ -52,47 +46,39 @@ impl Picture {
                     *word |= more;
                 }
             }
-            grouped(&wide, step)
+            wide
         });
         Self {
             low: self.low,
-            step,
             rows: rows.collect(),
         }
     }
 
-    /// Number of the cells that are occupied when they are shifted by `shift`, and by `reach` steps to each
-    /// side of it: the first in the lowest of 2 `reach` + 1 columns.
-    pub fn counts(&self, cells: &[Cell], shift: Cell, reach: i32) -> Counts {
+    /// Numbers of the cells that are occupied when they are shifted by `shift`, and by 1 to 63 columns more.
+    pub fn counts(&self, cells: &[Cell], shift: Cell) -> Counts {
         let mut counts = Counts::default();
         for cell in cells {
-            let shifted = Cell {
+            counts.add(self.row_from(Cell {
                 x: cell.x + shift.x,
                 y: cell.y + shift.y,
-            };
-            counts.add(self.window(shifted, reach));
+            }));
         }
         counts
     }
 
-    /// The cells at `cell`'s column and at `reach` steps on each side of it, in its row: the first in the
-    /// lowest of 2 `reach` + 1 bits.
+    /// A cell and those in the 63 columns after it, the cell in the lowest bit.
     #[inline]
-    fn window(&self, cell: Cell, reach: i32) -> u64 {
+    fn row_from(&self, cell: Cell) -> u64 {
         let (x, y) = (cell.x - self.low.x, cell.y - self.low.y);
         let Some(row) = usize::try_from(y).ok().and_then(|y| self.rows.get(y)) else {
             return 0;
         };
-        let group = (x & (self.step - 1)) as usize;
-        let words = WORDS / self.step as usize;
-        let first = (x >> self.step.trailing_zeros()) - reach;
-        let word = |index: i32| match usize::try_from(index) {
-            Ok(index) if index < words => row.get(group * words + index).copied().unwrap_or(0),
-            _ => 0,
+        let word = |index: i32| {
+            let index = usize::try_from(index).ok();
+            index.and_then(|index| row.get(index)).copied().unwrap_or(0)
         };
-        let (index, shift) = (first >> 6, first & 63);
-        let bits = word(index) >> shift | word(index + 1) << 1 << (63 - shift);
-        bits & ((1 << (2 * reach + 1)) - 1)
+        let (index, shift) = (x >> 6, x & 63);
+        word(index) >> shift | word(index + 1) << 1 << (63 - shift)
     }
 }
 
@@ -100,20 +86,6 @@ fn set(row: &mut [u64; WORDS], x: i32) {
     if let Some(word) = usize::try_from(x >> 6).ok().and_then(|x| row.get_mut(x)) {
         *word |= 1 << (x & 63);
     }
-}
-
-/// A row whose columns stand in `step` groups.
-fn grouped(row: &[u64; WORDS], step: i32) -> [u64; WORDS] {
-    let mut grouped = [0; WORDS];
-    for (x, word) in (0..).step_by(64).zip(row) {
-        let mut rest = *word;
-        while rest != 0 {
-            let column = x + rest.trailing_zeros() as i32;
-            rest &= rest - 1;
-            set(&mut grouped, column % step * (EDGE / step) + column / step);
-        }
-    }
-    grouped
 }
 
 fn widen_row(row: &[u64; WORDS], reach: usize) -> [u64; WORDS] {
@@ -180,34 +152,22 @@ mod tests {
     }
 
     #[test]
-    fn a_window_shows_the_cells_around_at_any_step() {
+    fn a_row_is_read_from_any_column() {
         let low = Cell { x: -256, y: -256 };
         let mut rows = vec![[0; WORDS]; EDGE as usize];
-        let occupied = |x: i32| (0..EDGE).contains(&x) && x % 7 < 2;
-        (0..EDGE)
-            .filter(|x| occupied(*x))
-            .for_each(|x| set(&mut rows[300], x));
-        let fine = Picture { low, step: 1, rows };
-        for step in [1, 4] {
-            let picture = fine.widened(0, step);
-            for x in [-20, 0, 1, 63, 64, 130, 250, 500, 511, 530] {
-                let cell = Cell {
-                    x: x + low.x,
-                    y: 300 + low.y,
-                };
-                for reach in [0, 2, 8, 20] {
-                    let wanted: u64 = (-reach..=reach)
-                        .map(|shift| u64::from(occupied(x + shift * step)) << (shift + reach))
-                        .sum();
-                    assert_eq!(
-                        picture.window(cell, reach),
-                        wanted,
-                        "{x}, {reach} steps of {step}"
-                    );
-                }
-            }
-            let outside = Cell { x: 0, y: low.y - 1 };
-            assert_eq!(picture.window(outside, 2), 0);
+        let is_occupied = |x: i32| (0..EDGE).contains(&x) && x % 7 < 2;
+        let occupied = (0..EDGE).filter(|x| is_occupied(*x));
+        occupied.for_each(|x| set(&mut rows[300], x));
+        let picture = Picture { low, rows };
+        for x in [-100, -64, -20, 0, 1, 63, 64, 130, 250, 449, 500, 511, 530] {
+            let wanted = (0..64).map(|more| u64::from(is_occupied(x + more)) << more);
+            let cell = Cell {
+                x: x + low.x,
+                y: 300 + low.y,
+            };
+            assert_eq!(picture.row_from(cell), wanted.sum(), "from {x}");
         }
+        let below = Cell { x: 0, y: low.y - 1 };
+        assert_eq!(picture.row_from(below), 0);
     }
 }
