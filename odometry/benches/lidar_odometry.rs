@@ -52,20 +52,18 @@ impl Drive {
         let (before, timed) = self.scans.split_at(self.scans.len() - timed);
         let (before, lead) = before.split_at(before.len().saturating_sub(1));
         let mut robot = LidarOdometry::default();
-        for scan in before {
-            robot.process(scan);
-        }
+        process_all(&mut robot, before);
         let mut warm = vec![Vec::new(); timed.len()];
         for _ in 0..ROUNDS {
             let mut robot = robot.clone();
-            lead.iter().for_each(|scan| drop(robot.process(scan)));
+            process_all(&mut robot, lead);
             for (times_us, scan) in warm.iter_mut().zip(timed) {
                 times_us.push(time_us(&mut robot, scan));
             }
         }
         let mut robots = vec![robot; ROBOTS];
         for robot in &mut robots {
-            lead.iter().for_each(|scan| drop(robot.process(scan)));
+            process_all(robot, lead);
         }
         let cold = timed.iter().map(|scan| {
             robots
@@ -105,6 +103,12 @@ impl Drive {
         let position_m = mean(&|error| error.xy().norm_squared()).sqrt();
         let yaw_rad = mean(&|error| error.z * error.z).sqrt();
         (last > 1).then_some((1e3 * position_m, yaw_rad.to_degrees()))
+    }
+}
+
+fn process_all(robot: &mut LidarOdometry, scans: &[Scan]) {
+    for scan in scans {
+        robot.process(scan);
     }
 }
 

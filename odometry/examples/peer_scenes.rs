@@ -5,7 +5,6 @@
 //! a direction is reported open. `odometry/benches/peers/compare.py` reads both.
 
 #[path = "../tests/scene/mod.rs"]
-#[expect(dead_code, reason = "the scenes serve tests too")]
 mod scene;
 
 use std::error::Error;
@@ -26,7 +25,22 @@ fn main() -> Result<(), Box<dyn Error>> {
     let hall = Scene::warehouse().with_people(3, [9.0, 4.0], 3);
     write(folder, "hall", &hall, &figure_eight)?;
     write(folder, "corridor", &Scene::corridor(), &straight(-24.0))?;
-    write(folder, "open yard", &Scene::yard(), &figure_eight)
+    write(folder, "open yard", &yard(), &figure_eight)
+}
+
+/// An open yard: a building's front on one side, some parked vehicles and lamp posts, and nothing else.
+fn yard() -> Scene {
+    let mut scene = Scene::default();
+    scene.walls.push([-30.0, 22.0, 30.0, 22.0]);
+    scene.add_box(14.0, -12.0, 20.0, -9.5);
+    scene.add_box(-19.0, -6.0, -16.5, 0.0);
+    scene.poles = vec![
+        [12.0, 12.0, 0.12],
+        [-12.0, 12.0, 0.12],
+        [12.0, -16.0, 0.12],
+        [-12.0, -16.0, 0.12],
+    ];
+    scene
 }
 
 /// Drives through a scene, and writes its scans and poses.

@@ -66,17 +66,20 @@ def matrix(x, y, yaw):
 
 
 def errors_over_a_second(poses, truths, lag=10):
-    """Root mean square error of the motion: mm along the LiDAR's x axis, mm across it, degrees."""
+    """Root mean square error of the motion: mm along the true one, mm across it, degrees."""
     inverse = np.linalg.inv
-    errors = []
+    along, across, yaws = [], [], []
     for i in range(lag, len(poses)):
         motion = inverse(poses[i - lag]) @ poses[i]
         true_motion = inverse(truths[i - lag]) @ truths[i]
-        errors.append(inverse(true_motion) @ motion)
-    errors = np.array(errors)
-    yaw = np.arctan2(errors[:, 1, 0], errors[:, 0, 0])
-    rms = [np.sqrt(np.mean(part**2)) for part in (errors[:, 0, 3], errors[:, 1, 3], yaw)]
-    return 1e3 * rms[0], 1e3 * rms[1], np.degrees(rms[2])
+        error = inverse(true_motion) @ motion
+        forward = true_motion[:2, :2].T @ true_motion[:2, 3]
+        forward /= max(np.hypot(*forward), 1e-9)
+        along.append(forward @ error[:2, 3])
+        across.append(forward[0] * error[1, 3] - forward[1] * error[0, 3])
+        yaws.append(np.arctan2(error[1, 0], error[0, 0]))
+    along, across, yaws = (np.sqrt(np.mean(np.square(part))) for part in (along, across, yaws))
+    return 1e3 * along, 1e3 * across, np.degrees(yaws)
 
 
 def run_fleetcal(path):
@@ -178,10 +181,10 @@ def figures(scene, engine, ms, errors, reported, count):
     """The results of a row, as a campaign's lines."""
     along_mm, across_mm, degrees = errors
     for figure, value, unit in (
-        ("a scan", ms, "ms"),
+        ("a scan", 1e3 * ms, "µs"),
         ("along, over 1 s", along_mm, "mm"),
         ("across, over 1 s", across_mm, "mm"),
-        ("yaw, over 1 s", degrees, "°"),
+        ("yaw, over 1 s", 1e3 * degrees, "m°"),
     ):
         yield {"table": scene.capitalize(), "row": engine, "figure": figure,
                "value": round(value, 4), "unit": unit, "of": count}  # fmt: skip

@@ -19,8 +19,6 @@ const NEIGHBOUR_GAP_MAX: usize = 4;
 
 /// Points in a block.
 pub const LANES: usize = 32;
-/// Most blocks of a scan.
-pub const BLOCKS_MAX: usize = POINTS_MAX.div_ceil(LANES);
 
 /// A usable return.
 #[derive(Debug, Clone, Copy)]

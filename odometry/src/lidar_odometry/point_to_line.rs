@@ -76,10 +76,11 @@ impl Matches {
 
     /// Reads the lines of the points that have come into another cell.
     fn read(&mut self, submap: &Submap, cells: &[Cell; LANES], count: usize) {
-        for i in 0..count.min(LANES) {
-            if self.cells[i] != cells[i] {
-                let line = submap.line(cells[i]);
-                self.cells[i] = cells[i];
+        let lanes = self.cells.iter_mut().zip(cells).enumerate();
+        for (i, (before, &cell)) in lanes.take(count) {
+            if *before != cell {
+                let line = submap.line(cell);
+                *before = cell;
                 (self.nx[i], self.ny[i], self.d[i]) = (line.nx, line.ny, line.d);
                 (self.variance[i], self.cos[i]) = (line.variance, line.cos);
             }

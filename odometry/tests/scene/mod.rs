@@ -84,21 +84,6 @@ impl Scene {
         }
     }
 
-    /// An open yard: a building's front on one side, some parked vehicles and lamp posts, and nothing else.
-    pub fn yard() -> Self {
-        let mut scene = Self::default();
-        scene.walls.push([-30.0, 22.0, 30.0, 22.0]);
-        scene.add_box(14.0, -12.0, 20.0, -9.5);
-        scene.add_box(-19.0, -6.0, -16.5, 0.0);
-        scene.poles = vec![
-            [12.0, 12.0, 0.12],
-            [-12.0, 12.0, 0.12],
-            [12.0, -16.0, 0.12],
-            [-12.0, -16.0, 0.12],
-        ];
-        scene
-    }
-
     /// Adds people who walk at 0.5 to 1.5 m/s anywhere within `half` metres of the middle.
     #[must_use]
     pub fn with_people(mut self, count: usize, half: [f64; 2], seed: u64) -> Self {

@@ -165,7 +165,7 @@ mod tests {
                 x: x + low.x,
                 y: 300 + low.y,
             };
-            assert_eq!(picture.row_from(cell), wanted.sum(), "from {x}");
+            assert_eq!(picture.row_from(cell), wanted.sum::<u64>(), "from {x}");
         }
         let below = Cell { x: 0, y: low.y - 1 };
         assert_eq!(picture.row_from(below), 0);

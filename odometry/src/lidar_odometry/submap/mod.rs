@@ -14,16 +14,16 @@ mod tests;
 mod tile_cells;
 mod tiles;
 
-use std::ops::Range;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 pub use cell::{CELL_M, Cell, LocalOrigin};
 pub use free_space::{FreeSpace, RAY_STRIDE};
 pub use known_map::KnownMap;
-pub use surfel::{Fitted, Line, LineQuality, Moments, WindowMoments};
+pub use surfel::{Fitted, Line, LineQuality, WindowMoments};
 
 use cell::CELL;
-use tiles::{Around, TilePool, points_at};
+use tiles::{Around, TilePool};
 
 /// Fewest points of a window of cells; of fewer, a wider window is used.
 const SPARSE_POINTS: f32 = 8.0;
@@ -33,9 +33,13 @@ const NEAR: usize = 3;
 /// and of the wider one.
 const WIDE: usize = 5;
 
-/// A window of three by three cells without one of its sides: columns and rows.
-const WITHOUT_A_SIDE: [(Range<usize>, Range<usize>); 4] =
-    [(0..2, 0..3), (1..3, 0..3), (0..3, 0..2), (0..3, 1..3)];
+/// A window of three by three cells without one of its sides: columns and rows from the middle.
+const WITHOUT_A_SIDE: [(RangeInclusive<i32>, RangeInclusive<i32>); 4] = [
+    (-1..=0, -1..=1),
+    (0..=1, -1..=1),
+    (-1..=1, -1..=0),
+    (-1..=1, 0..=1),
+];
 
 /// The map.
 #[derive(Debug, Clone)]
@@ -176,7 +180,7 @@ impl Submap {
     }
 }
 
-/// The line of a cell, by its column and row in the middle one of nine tiles.
+/// The line of a cell, by its column and row in its tile.
 fn fit(
     around: &Around<'_>,
     x: i32,
@@ -184,19 +188,22 @@ fn fit(
     quality: &LineQuality,
     quality_alone: &LineQuality,
 ) -> Line {
-    let near = window::<NEAR>(around, x, y);
-    let all = gathered(&near, 0..NEAR, 0..NEAR);
-    if all.count() < 0.5 {
+    let mut near = [(0, 0, WindowMoments::default()); NEAR * NEAR];
+    let near = window(around, x, y, 1, &mut near);
+    let all = gathered(near, -1..=1, -1..=1);
+    if near.is_empty() || all.count() < 0.5 {
         return Line::NONE;
     }
     if let Some(whole) = all.fit(quality) {
-        return without_corner(&near, &whole, quality).unwrap_or(whole.line);
+        return without_corner(near, &whole, quality).unwrap_or(whole.line);
     }
     // Clutter or a corner: the cell alone may still show a line. Few points: a wider look may.
     if all.count() < SPARSE_POINTS {
-        gathered(&window::<WIDE>(around, x, y), 0..WIDE, 0..WIDE).line(quality)
+        let mut wide = [(0, 0, WindowMoments::default()); WIDE * WIDE];
+        let wide = window(around, x, y, 2, &mut wide);
+        gathered(wide, -2..=2, -2..=2).line(quality)
     } else {
-        gathered(&near, 1..2, 1..2).line(quality_alone)
+        gathered(near, 0..=0, 0..=0).line(quality_alone)
     }
 }
 
@@ -206,7 +213,7 @@ fn fit(
 /// Corners of boxes stick out, so that lines laid around them lie too far back, and a scan
 /// compared with those looks too small. A rolling scan shows that as a motion to its side: its
 /// turns came out displaced by 0.4 mm a radian.
-fn without_corner(near: &Window<NEAR>, whole: &Fitted, quality: &LineQuality) -> Option<Line> {
+fn without_corner(near: &[Near], whole: &Fitted, quality: &LineQuality) -> Option<Line> {
     if whole.across_m2 < quality.noise_m2 {
         return None;
     }
@@ -223,34 +230,43 @@ fn without_corner(near: &Window<NEAR>, whole: &Fitted, quality: &LineQuality) ->
     best
 }
 
-/// Cells around a middle one, row by row, each with its points about the middle one's centre.
-type Window<const EDGE: usize> = [[WindowMoments; EDGE]; EDGE];
+/// A cell of a window with points: its column and row from the middle, and the points about the middle's centre.
+type Near = (i32, i32, WindowMoments);
 
-/// The window around a cell.
-fn window<const EDGE: usize>(around: &Around<'_>, x: i32, y: i32) -> Window<EDGE> {
-    let middle = EDGE as i32 / 2;
-    let mut window = [[WindowMoments::default(); EDGE]; EDGE];
-    for (row, cells) in (-middle..).zip(&mut window) {
-        for (column, cell) in (-middle..).zip(cells) {
-            if let Some(moments) = points_at(around, x + column, y + row) {
-                *cell = WindowMoments::of(moments, column as f32 * CELL, row as f32 * CELL);
+/// The cells with points at most `reach` columns and rows from one, row by row.
+fn window<'a>(
+    around: &Around<'_>,
+    x: i32,
+    y: i32,
+    reach: i32,
+    cells: &'a mut [Near],
+) -> &'a [Near] {
+    let mut count = 0;
+    for row in -reach..=reach {
+        for column in -reach..=reach {
+            if let Some(moments) = around.points(x + column, y + row)
+                && let Some(cell) = cells.get_mut(count)
+            {
+                let moments = WindowMoments::of(moments, column as f32 * CELL, row as f32 * CELL);
+                *cell = (column, row, moments);
+                count += 1;
             }
         }
     }
-    window
+    cells.get(..count).unwrap_or_default()
 }
 
 /// The points in some columns and rows of a window.
 #[inline]
-fn gathered<const EDGE: usize>(
-    window: &Window<EDGE>,
-    columns: Range<usize>,
-    rows: Range<usize>,
+fn gathered(
+    window: &[Near],
+    columns: RangeInclusive<i32>,
+    rows: RangeInclusive<i32>,
 ) -> WindowMoments {
     let mut sum = WindowMoments::default();
-    for cells in &window[rows] {
-        for cell in &cells[columns.clone()] {
-            sum.add(cell);
+    for (column, row, moments) in window {
+        if columns.contains(column) && rows.contains(row) {
+            sum.add(moments);
         }
     }
     sum

@@ -37,6 +37,11 @@ impl<T> TileCells<T> {
         self.filled
     }
 
+    /// The values, each with its cell's slot.
+    pub fn iter(&self) -> impl Iterator<Item = (usize, &T)> {
+        slots(self.filled).zip(&self.values)
+    }
+
     #[inline]
     fn is_filled(&self, slot: usize) -> bool {
         self.filled >> slot & 1 == 1

@@ -16,8 +16,21 @@ const TILES_AT_START: usize = 64;
 /// Largest distance of a tile from the LiDAR, in tiles (80 m); farther ones are dropped.
 const TILE_DISTANCE_MAX: i32 = 100;
 
-/// The tiles around one, row by row, where they exist; that one in the middle.
-pub type Around<'a> = [[Option<&'a TileCells<Moments>>; 3]; 3];
+/// Cells beside a tile that the lines of its own depend on.
+const MARGIN: i32 = 2;
+/// Edge of a tile with its margin, in cells.
+const EDGE: usize = (TILE_CELLS + 2 * MARGIN) as usize;
+
+/// The points of a tile's cells and of those beside it, row by row.
+pub struct Around<'a>([[Option<&'a Moments>; EDGE]; EDGE]);
+
+impl<'a> Around<'a> {
+    /// Points of a cell by its column and row in the tile, from [`MARGIN`] cells before it to as many behind.
+    #[inline]
+    pub fn points(&self, x: i32, y: i32) -> Option<&'a Moments> {
+        self.0[(y + MARGIN) as usize][(x + MARGIN) as usize]
+    }
+}
 
 /// A square of 8 × 8 cells.
 #[derive(Debug, Clone)]
@@ -116,7 +129,7 @@ impl TilePool {
     }
 
     /// Lays the lines anew of all cells in whose window of three by three cells points have changed, by
-    /// `fit`, which is given the cell's column and row in the middle one of the tiles around it.
+    /// `fit`, which is given the cell's column and row in its tile.
     pub fn fit_changed(&mut self, fit: impl Fn(&Around<'_>, i32, i32) -> Line) {
         // 1. The cells that are due, in the changed ones' tiles and beside them.
         for number in 0..self.tiles.len() {
@@ -157,14 +170,27 @@ impl TilePool {
         }
     }
 
-    /// The points of the tiles around one.
+    /// The points of a tile and beside it.
     fn around(&self, x: i32, y: i32) -> Around<'_> {
-        [y - 1, y, y + 1].map(|y| {
-            [x - 1, x, x + 1].map(|x| {
-                let number = self.number(x, y)?;
-                self.tiles.get(number).map(|tile| &tile.moments)
-            })
-        })
+        let mut around = Around([[None; EDGE]; EDGE]);
+        for (tile_y, rows) in [(y - 1, -TILE_CELLS), (y, 0), (y + 1, TILE_CELLS)] {
+            for (tile_x, columns) in [(x - 1, -TILE_CELLS), (x, 0), (x + 1, TILE_CELLS)] {
+                let number = self.number(tile_x, tile_y);
+                let Some(tile) = number.and_then(|number| self.tiles.get(number)) else {
+                    continue;
+                };
+                for (slot, moments) in tile.moments.iter() {
+                    let row = rows + (slot / TILE_EDGE) as i32 + MARGIN;
+                    let column = columns + (slot % TILE_EDGE) as i32 + MARGIN;
+                    if let Some(cells) = around.0.get_mut(row as usize)
+                        && let Some(cell) = cells.get_mut(column as usize)
+                    {
+                        *cell = Some(moments);
+                    }
+                }
+            }
+        }
+        around
     }
 
     fn number_or_new(&mut self, cell: Cell, update: u32) -> Option<usize> {
@@ -242,11 +268,4 @@ impl TilePool {
             }
         }
     }
-}
-
-/// Points of a cell by its column and row in the middle one of nine tiles, -8 to 15.
-#[inline]
-pub fn points_at<'a>(around: &Around<'a>, x: i32, y: i32) -> Option<&'a Moments> {
-    let tile = |at: i32| ((at >> TILE_SHIFT) + 1) as usize;
-    around[tile(y)][tile(x)]?.get(Cell { x, y }.slot())
 }
