@@ -297,9 +297,8 @@ mod tests {
             .collect()
     }
 
-    #[test]
-    fn a_report_has_the_documented_names() {
-        let report = CalibrationReport {
+    fn report() -> CalibrationReport {
+        CalibrationReport {
             schema_version: CalibrationReport::SCHEMA_VERSION,
             robot: RobotId::parse("tugger_01").unwrap(),
             vehicle: VehicleDocument {
@@ -332,7 +331,12 @@ mod tests {
                 parameters: parameters(),
             }],
             timing: Timing::default(),
-        };
+        }
+    }
+
+    #[test]
+    fn a_report_has_the_documented_names() {
+        let report = report();
         let json = serde_json::to_value(&report).unwrap();
         let mut names = keys(&json);
         names.sort_unstable();

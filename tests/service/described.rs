@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::message_type::MessageType;
@@ -12,6 +12,7 @@ use fleetcal_tests::binary;
 use fleetcal_tests::service::{Service, wait_for};
 use serde_json::{Value, json};
 use tempfile::TempDir;
+use tokio::time::Instant;
 use zenoh::Session;
 use zenoh::qos::CongestionControl;
 
@@ -232,7 +233,7 @@ async fn drive(session: &Session, path: &Path) {
         let message = message.unwrap();
         let since_ns = message.log_time_ns - *first_ns.get_or_insert(message.log_time_ns);
         let due = began + Duration::from_nanos(since_ns);
-        tokio::time::sleep_until(due.into()).await;
+        tokio::time::sleep_until(due).await;
         let (topic, of) = if *message.topic == *names[1] {
             (STRANGER.scan, MessageType::LaserScan)
         } else {

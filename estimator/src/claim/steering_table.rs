@@ -32,7 +32,7 @@ impl Side {
     }
 
     fn angles(self) -> impl Iterator<Item = f64> {
-        let parts = if self.is_driven() { 0..=PARTS } else { 1..=0 };
+        let parts = (0..=PARTS).filter(move |_| self.is_driven());
         parts.map(move |part| {
             let share = f64::from(part) / f64::from(PARTS);
             share * self.to_rad + (1.0 - share) * self.from_rad

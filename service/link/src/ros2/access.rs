@@ -44,32 +44,6 @@ pub fn rules(table: &RouteTable) -> Vec<Value> {
         &["declare_liveliness_subscriber"],
         &tokens,
     );
-    let described = description::expressions();
-    let earlier = description::history_expressions();
-    add(
-        "ros2_descriptions",
-        "ingress",
-        &["put", "reply"],
-        &described,
-    );
-    add(
-        "ros2_descriptions_wanted",
-        "egress",
-        &["declare_subscriber"],
-        &described,
-    );
-    add(
-        "ros2_earlier_descriptions",
-        "ingress",
-        &["declare_queryable"],
-        &earlier,
-    );
-    add(
-        "ros2_earlier_descriptions_wanted",
-        "egress",
-        &["query"],
-        &earlier,
-    );
     if settings.publish_calibration {
         let results = calibration::expressions(table);
         let stored = calibration::history_expressions(table);
@@ -96,5 +70,38 @@ pub fn rules(table: &RouteTable) -> Vec<Value> {
             add("ros2_graph", "egress", &["liveliness_token", "reply"], &own);
         }
     }
+    rules.extend(of_descriptions());
     rules
+}
+
+/// Rules of descriptions: robots publish them, or answer with those that were published before.
+fn of_descriptions() -> [Value; 4] {
+    let described = description::expressions();
+    let earlier = description::history_expressions();
+    [
+        rule(
+            "ros2_descriptions",
+            "ingress",
+            &["put", "reply"],
+            &described,
+        ),
+        rule(
+            "ros2_descriptions_wanted",
+            "egress",
+            &["declare_subscriber"],
+            &described,
+        ),
+        rule(
+            "ros2_earlier_descriptions",
+            "ingress",
+            &["declare_queryable"],
+            &earlier,
+        ),
+        rule(
+            "ros2_earlier_descriptions_wanted",
+            "egress",
+            &["query"],
+            &earlier,
+        ),
+    ]
 }
