@@ -255,10 +255,15 @@ impl LongRunVariance {
         self.whole.blocks > SEE_BLOCKS
     }
 
+    /// True if blocks enough were counted that a change needs no more evidence for their small number.
+    pub fn has_shown_scatter(&self) -> bool {
+        self.whole.blocks > FEW_BLOCKS
+    }
+
     /// Factor of the evidence that a change needs because only few blocks have shown their scatter
     /// yet.
     pub fn caution(&self) -> f64 {
-        if self.whole.blocks > FEW_BLOCKS {
+        if self.has_shown_scatter() {
             1.0
         } else {
             FEW_BLOCKS_CAUTION
