@@ -378,8 +378,19 @@ results-joining-checks: rust ## Wrong inputs and what is named of them, and of 7
 	$(dir $(BIN))results
 
 .PHONY: load
-load: build ## 50 robots at once: prints the CPU time per robot-second and sample, and the share of the CPU
+load: build ## LOAD_ROBOTS=50 robots for LOAD_SECONDS=20, LOAD_SESSIONS=each or one, LOAD_SAMPLES=several or single a message: CPU time per robot-second and by thread, latency, memory. With LOAD_HELD=0.25 the service has a quarter of the CPU time it needs for the second third (root)
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test end_to_end -- --nocapture load::
+
+LOAD_DATA = $(abspath docs/results/data/load.jsonl)
+.PHONY: results-load
+results-load: build ## Figures of LOAD_ROBOTS=50 robots with a session each and with one, on an idle machine: two minutes
+	printf '{"campaign":"load","title":"Load of the service","commit":"%s","date":"%s","command":"make results-load LOAD_ROBOTS=%s"}\n' \
+	  "$$(git describe --always --dirty --exclude '*')" "$$(date +%F)" "$${LOAD_ROBOTS:-50}" > $(LOAD_DATA)
+	for samples in several single; do for sessions in each one; do \
+	  LOAD_FIGURES=$(LOAD_DATA) LOAD_SAMPLES=$$samples LOAD_SESSIONS=$$sessions FLEETCAL_BIN=$(abspath $(BIN)) \
+	    $(CARGO) test --release --locked -p fleetcal-tests --test end_to_end -- --nocapture load:: || exit 1; \
+	done; done
+	$(CARGO) run --release --locked -p fleetcal-evaluation --bin results
 
 # What a campaign has done stands in its file here; `rm` begins it again.
 HARDENING := $(abspath $(BUILT))/hardening

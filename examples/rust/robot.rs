@@ -1,6 +1,6 @@
 //! A plain Zenoh robot: drives eights in a hall and puts what it measures where fleetcal listens.
 //!
-//! `fleetcal-example-robot [tcp/SERVICE:7447 [ROBOT [SECONDS [SPEEDUP]]]]`
+//! `fleetcal-example-robot [tcp/SERVICE:7447 [ROBOT [SECONDS [SPEEDUP [SAMPLES]]]]]`
 
 use std::f64::consts::{PI, TAU};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -27,10 +27,29 @@ const LIDAR: (f64, f64, f64) = (0.4, 0.1, 0.05);
 const HALL_M: ([f64; 2], [f64; 2]) = ([-9.0, 7.0], [-6.0, 8.0]);
 const BEAMS: usize = 360;
 
-/// Publishes a ROS 2 message in JSON; CDR with the encoding `application/cdr` works as well.
-fn put(publisher: &Publisher, stamp: Duration, mut message: Value) -> Result<(), Failure> {
-    let stamp = json!({ "sec": stamp.as_secs(), "nanosec": stamp.subsec_nanos() });
-    message["header"] = json!({ "stamp": stamp });
+/// Publisher of drive samples, which collects those of a message.
+struct Drives<'s> {
+    publisher: Publisher<'s>,
+    /// Drive samples that wait for their message.
+    samples: Vec<Value>,
+    /// Drive samples of a message, from 1 to 10.
+    samples_max: usize,
+}
+
+impl Drives<'_> {
+    /// Publishes the drive samples of up to 100 ms in one message.
+    fn put(&mut self, sample: Value) -> Result<(), Failure> {
+        self.samples.push(sample);
+        if self.samples.len() < self.samples_max {
+            return Ok(());
+        }
+        let samples = std::mem::take(&mut self.samples);
+        put(&self.publisher, &json!({ "samples": samples }))
+    }
+}
+
+/// Publishes a message in JSON; CDR with the encoding `application/cdr` works as well.
+fn put(publisher: &Publisher, message: &Value) -> Result<(), Failure> {
     publisher.put(message.to_string()).wait()
 }
 
@@ -54,7 +73,7 @@ fn ranges(random: &mut StdRng, (x, y, yaw): (f64, f64, f64)) -> Result<Vec<f64>,
     clippy::disallowed_methods,
     reason = "the robot's own clock is what stamps its messages"
 )]
-fn drive(drives: &Publisher, scans: &Publisher, ticks: u32, speedup: f64) -> Result<(), Failure> {
+fn drive(drives: &mut Drives, scans: &Publisher, ticks: u32, speedup: f64) -> Result<(), Failure> {
     let mut random = StdRng::seed_from_u64(1);
     let (mut x, mut y, mut yaw, mut steering) = (0.0, 0.0, 0.0, 0.0);
     let (began, pace) = (
@@ -74,19 +93,21 @@ fn drive(drives: &Publisher, scans: &Publisher, ticks: u32, speedup: f64) -> Res
         y += SPEED_MPS * 0.01 * f64::sin(yaw + turn / 2.0);
         yaw += turn;
         let stamp = began + Duration::from_millis(10) * tick;
-        let measured = json!({
+        let stamp = json!({ "sec": stamp.as_secs(), "nanosec": stamp.subsec_nanos() });
+        drives.put(json!({
+            "stamp": stamp,
             "steering_angle": steering + STEERING_OFFSET_RAD + steering_noise.sample(&mut random),
             "speed": SPEED_MPS + speed_noise.sample(&mut random),
-        });
-        put(drives, stamp, json!({ "drive": measured }))?;
+        }))?;
         if tick % 10 == 0 {
             let step = TAU / BEAMS as f64;
             let scan = json!({
+                "header": { "stamp": stamp },
                 "angle_min": -PI, "angle_max": PI - step, "angle_increment": step,
                 "time_increment": 0.0, "range_min": 0.05, "range_max": 30.0,
                 "ranges": ranges(&mut random, (x, y, yaw))?,
             });
-            put(scans, stamp, scan)?;
+            put(scans, &scan)?;
         }
         let due = Duration::from_secs_f64(time_s / speedup);
         std::thread::sleep(due.saturating_sub(pace.elapsed()));
@@ -99,17 +120,25 @@ fn main() -> Result<(), Failure> {
     let mut next = |default: &str| given.next().unwrap_or_else(|| default.to_owned());
     let (endpoint, robot) = (next("tcp/127.0.0.1:7447"), next("tugger_01"));
     let (seconds, speedup): (u32, f64) = (next("120").parse()?, next("1").parse()?);
+    let samples_max: usize = next("10").parse()?;
     let config = json!({ "mode": "client", "connect": { "endpoints": [endpoint] } });
     let session = zenoh::open(Config::from_json5(&config.to_string())?).wait()?;
-    let declare = |stream| {
+    let declare = |stream, of: &str| {
         let publisher = session.declare_publisher(format!("fleet/{robot}/{stream}"));
-        publisher.encoding(Encoding::APPLICATION_JSON).wait()
+        publisher
+            .encoding(Encoding::APPLICATION_JSON.with_schema(of))
+            .wait()
+    };
+    let mut drives = Drives {
+        publisher: declare("wheel_odometry", "fleetcal_msgs/msg/DriveSamples")?,
+        samples: Vec::new(),
+        samples_max,
     };
     let alive = format!("fleet/@alive/{robot}");
     let token = session.liveliness().declare_token(alive).wait()?;
     drive(
-        &declare("wheel_odometry")?,
-        &declare("scan")?,
+        &mut drives,
+        &declare("scan", "sensor_msgs/msg/LaserScan")?,
         100 * seconds,
         speedup,
     )?;

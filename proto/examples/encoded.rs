@@ -7,8 +7,8 @@ use std::process::ExitCode;
 
 use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{
-    AckermannDriveStamped, JointState, LaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
-    TwistStamped,
+    AckermannDriveStamped, DriveSamples, JointState, LaserScan, Odometry, PointCloud2, PoseStamped,
+    RosMessage, TwistStamped,
 };
 
 const ENCODERS: [&str; 2] = ["rosbags", "pycdr2"];
@@ -29,6 +29,7 @@ fn rewritten(of: MessageType, payload: &[u8]) -> Result<Vec<u8>, String> {
     }
     match of {
         MessageType::AckermannDriveStamped => both_ways::<AckermannDriveStamped>(payload),
+        MessageType::DriveSamples => both_ways::<DriveSamples>(payload),
         MessageType::JointState => both_ways::<JointState>(payload),
         MessageType::Odometry => both_ways::<Odometry>(payload),
         MessageType::TwistStamped => both_ways::<TwistStamped>(payload),

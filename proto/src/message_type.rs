@@ -1,11 +1,13 @@
 //! Type of a payload's ROS 2 message, and its spellings.
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
 use crate::encoding::{DecodeError, Encoding};
 use crate::ros::{
-    AckermannDriveStamped, JointState, LaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
-    TwistStamped,
+    AckermannDriveStamped, DriveSamples, JointState, LaserScan, Odometry, PointCloud2, PoseStamped,
+    RosMessage, TwistStamped,
 };
 
 /// ROS 2 message types of a robot's streams.
@@ -15,6 +17,9 @@ pub enum MessageType {
     /// Speed and steering in one.
     #[serde(rename = "ackermann_msgs/msg/AckermannDriveStamped")]
     AckermannDriveStamped,
+    /// Several measurements of speed and steering.
+    #[serde(rename = "fleetcal_msgs/msg/DriveSamples")]
+    DriveSamples,
     /// Steering and wheels as joints.
     #[serde(rename = "sensor_msgs/msg/JointState")]
     JointState,
@@ -37,8 +42,9 @@ pub enum MessageType {
 
 impl MessageType {
     /// All message types.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::AckermannDriveStamped,
+        Self::DriveSamples,
         Self::JointState,
         Self::Odometry,
         Self::TwistStamped,
@@ -48,7 +54,11 @@ impl MessageType {
     ];
 
     /// Message types with steering and speed in one, the usual one first.
-    pub const OF_WHEEL_ODOMETRY: &'static [Self] = &[Self::AckermannDriveStamped, Self::JointState];
+    pub const OF_WHEEL_ODOMETRY: &'static [Self] = &[
+        Self::AckermannDriveStamped,
+        Self::JointState,
+        Self::DriveSamples,
+    ];
     /// Message types with a steering angle.
     pub const OF_STEERING: &'static [Self] = &[Self::JointState, Self::AckermannDriveStamped];
     /// Message types with a speed.
@@ -67,6 +77,7 @@ impl MessageType {
     pub const fn ros_type(self) -> &'static str {
         match self {
             Self::AckermannDriveStamped => AckermannDriveStamped::TYPE,
+            Self::DriveSamples => DriveSamples::TYPE,
             Self::JointState => JointState::TYPE,
             Self::Odometry => Odometry::TYPE,
             Self::TwistStamped => TwistStamped::TYPE,
@@ -74,6 +85,27 @@ impl MessageType {
             Self::LaserScan => LaserScan::TYPE,
             Self::PointCloud2 => PointCloud2::TYPE,
         }
+    }
+
+    /// Returns a payload in CDR: unchanged if it is, converted from JSON otherwise.
+    ///
+    /// # Errors
+    /// The JSON is not such a message.
+    pub fn to_cdr(self, encoding: Encoding, payload: &[u8]) -> Result<Cow<'_, [u8]>, DecodeError> {
+        if encoding == Encoding::Cdr {
+            return Ok(Cow::Borrowed(payload));
+        }
+        let cdr = match self {
+            Self::AckermannDriveStamped => AckermannDriveStamped::from_json(payload)?.to_cdr(),
+            Self::DriveSamples => DriveSamples::from_json(payload)?.to_cdr(),
+            Self::JointState => JointState::from_json(payload)?.to_cdr(),
+            Self::Odometry => Odometry::from_json(payload)?.to_cdr(),
+            Self::TwistStamped => TwistStamped::from_json(payload)?.to_cdr(),
+            Self::PoseStamped => PoseStamped::from_json(payload)?.to_cdr(),
+            Self::LaserScan => LaserScan::from_json(payload)?.to_cdr(),
+            Self::PointCloud2 => PointCloud2::from_json(payload)?.to_cdr(),
+        };
+        Ok(Cow::Owned(cdr))
     }
 
     /// Returns its name in the keys of `rmw_zenoh`, `sensor_msgs::msg::dds_::LaserScan_`.

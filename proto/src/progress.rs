@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Progress {
-    /// Drive samples processed.
+    /// Messages of wheel odometry processed, of one drive sample or several.
     pub drive_samples: u64,
     /// Scans or LiDAR poses processed.
     pub scans: u64,

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use fleetcal_ports::free_address;
 use fleetcal_proto::{Keys, StreamKind};
-use fleetcal_robot::fleet::{FleetOptions, run_fleet, simulated_robots};
+use fleetcal_robot::fleet::{DriveMessages, FleetOptions, run_fleet, simulated_robots};
 use tokio_util::sync::CancellationToken;
 
 /// Clock ticks a second in `/proc/self/stat`: the same on every Linux.
@@ -34,6 +34,7 @@ async fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
         trusted: None,
         start_stamp_ns: 1_760_000_000_000_000_000,
         rate: NonZeroU32::MIN,
+        drive_messages: DriveMessages::default(),
     };
     let stop = CancellationToken::new();
     let before_s = cpu_s()?;

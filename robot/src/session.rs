@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
+use fleetcal_proto::{Form, Keys, RobotId, StreamKind};
 use tokio::task::JoinError;
 use tokio_util::sync::CancellationToken;
 use tracing::{Dispatch, debug, dispatcher, info};
@@ -73,7 +73,7 @@ pub(crate) async fn publisher(
     keys: &Keys,
     robot: &RobotId,
     kind: StreamKind,
-    encoding: Encoding,
+    form: impl Into<Form>,
 ) -> Result<Publisher<'static>, SessionError> {
     let key = keys.stream(robot, kind);
     // An acknowledgement must arrive; of the streams the next message is worth more than the last.
@@ -83,7 +83,7 @@ pub(crate) async fn publisher(
     };
     session
         .declare_publisher(key.clone())
-        .encoding(encoding.as_str())
+        .encoding(form.into().to_text())
         .congestion_control(congestion_control)
         .await
         .map_err(at_key(&key))

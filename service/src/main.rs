@@ -17,6 +17,7 @@ use fleetcal_command::zenoh_words::{WithoutPlaces, without_places};
 use fleetcal_command::{agent, calibrate, doctor, odometry, replay, schema, simulate, verify};
 use fleetcal_domain::limits::ZENOH_LOG_LINES_PER_HOUR_MAX;
 use fleetcal_fleet::budget::Budget;
+use fleetcal_support::Remembering;
 use tracing_subscriber::filter::{EnvFilter, FilterExt as _, dynamic_filter_fn};
 use tracing_subscriber::layer::{Layer as _, SubscriberExt as _};
 use tracing_subscriber::util::SubscriberInitExt as _;
@@ -124,7 +125,7 @@ fn log() {
     });
     let lines = tracing_subscriber::fmt::layer()
         .with_ansi(std::io::stderr().is_terminal())
-        .with_writer(|| WithoutPlaces(std::io::stderr()))
+        .with_writer(|| Remembering(WithoutPlaces(std::io::stderr())))
         .with_filter(chosen.and(within_budget));
     tracing_subscriber::registry().with(lines).init();
 }

@@ -14,6 +14,14 @@ pub fn allowed_bytes() -> Option<u64> {
     limits.chain(machine).min()
 }
 
+/// Returns the memory of the process that is resident, bytes; `None` where the system does not say,
+/// as only Linux does.
+pub fn resident_bytes() -> Option<u64> {
+    let pages = fs::read_to_string("/proc/self/statm").ok()?;
+    let resident: u64 = pages.split(' ').nth(1)?.parse().ok()?;
+    Some(resident * rustix::param::page_size() as u64)
+}
+
 /// Returns the files that have the limits of these control groups, in the form of
 /// `/proc/self/cgroup`, and of those that contain them. A group without a limit says `max`, and one
 /// that another namespace has is not found.
@@ -79,5 +87,6 @@ mod tests {
         assert_eq!(machine_bytes(text), Some(24_683_496 * 1024));
         assert_eq!(machine_bytes("MemFree: 1 kB\n"), None);
         assert!(allowed_bytes().unwrap() > 1 << 20);
+        assert!(resident_bytes().unwrap() < allowed_bytes().unwrap());
     }
 }

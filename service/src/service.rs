@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use fleetcal_api::{AccessSetup, ApiSetup, BuildInfo, router, serve};
@@ -15,8 +16,9 @@ use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_folder::signing_key::{self, KeyError};
 use fleetcal_http::Connections;
 use fleetcal_http::PublicUrl;
-use fleetcal_link::{Link, LinkError, LinkSetup, Shares};
+use fleetcal_link::{Link, LinkError, LinkSetup, SessionMemory, Shares};
 use fleetcal_model::{AuditId, Generation, WallTime};
+use fleetcal_moments::Moments;
 use fleetcal_operations::accounts::KeepSetupCode;
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
 use fleetcal_operations::entropy::{self, NoEntropy};
@@ -80,6 +82,14 @@ pub enum ServiceError {
     /// The certificates by which peers are authenticated cannot be used.
     #[error(transparent)]
     Peers(#[from] PeersError),
+    /// The moments of the data folder cannot be read.
+    #[error("{}: the moments of robots: {source}", folder.display())]
+    Moments {
+        /// The data folder.
+        folder: PathBuf,
+        /// Error of the system.
+        source: std::io::Error,
+    },
     /// More robots are configured than there is room for.
     #[error(
         "{configured} robots are configured, expected {} at most",
@@ -128,6 +138,11 @@ impl Service {
         let last_decided = store.audit_last().await?;
         let fleet = start_fleet(&config, &store, &membership, Arc::clone(&clock)).await?;
         let workers = start_workers(&config, &store, &fleet, &membership, &clock).await?;
+        let moments = Moments::start(&config.data, fleet.clone(), Arc::clone(&clock));
+        let moments = moments.map_err(|source| ServiceError::Moments {
+            folder: config.data.clone(),
+            source,
+        })?;
         let stop = CancellationToken::new();
         let peers = cluster::peers(&config, http_address, stop.clone())?;
         let part = Part {
@@ -148,6 +163,7 @@ impl Service {
             lifecycle: workers.lifecycle.clone(),
             evaluator: workers.evaluator.clone(),
             dispatcher: workers.dispatcher.clone(),
+            moments,
             store: store.clone(),
             clock: Arc::clone(&clock),
             link_open: link_is_open,
@@ -266,6 +282,15 @@ fn shares(config: &Config) -> Shares {
     }
 }
 
+/// Returns the memory that Zenoh sessions are closed by; `None` where the system does not say it.
+fn session_memory() -> Option<SessionMemory> {
+    let allowed_bytes = memory::allowed_bytes()?;
+    Some(SessionMemory {
+        resident: memory::resident_bytes,
+        allowed_bytes,
+    })
+}
+
 /// Makes the link's setup, and checks it before anything is opened.
 fn link_setup(config: &Config) -> Result<LinkSetup, ServiceError> {
     if let (Some(instance), None) = (&config.cluster.instance, &config.database) {
@@ -280,6 +305,7 @@ fn link_setup(config: &Config) -> Result<LinkSetup, ServiceError> {
         zenoh_config: config.zenoh_config.clone(),
         allow_anonymous: config.allow_anonymous,
         shares: shares(config),
+        session_memory: session_memory(),
         keys: Keys::new(config.root.clone()),
         ros2: config.ros2.clone(),
         ..LinkSetup::default()

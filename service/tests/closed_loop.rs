@@ -27,7 +27,9 @@ use fleetcal_ports::free_address;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_proto::signing::{KEY_BYTES, SigningKey, TrustedKeys, sha256_hex};
 use fleetcal_proto::{Keys, RobotId};
-use fleetcal_robot::fleet::{FleetOptions, SimulatedRobot, run_fleet, simulated_robots};
+use fleetcal_robot::fleet::{
+    DriveMessages, FleetOptions, SimulatedRobot, run_fleet, simulated_robots,
+};
 use fleetcal_store::{CertificateFilter, CertificateRecord, ProposalFilter};
 use tokio_util::sync::CancellationToken;
 
@@ -162,6 +164,7 @@ async fn an_offset_is_found_approved_pulled_and_proven() {
             trusted: Some(TrustedKeys::from(service.lifecycle().public_key())),
             start_stamp_ns: clock.now().0,
             rate: RATE,
+            drive_messages: DriveMessages::default(),
         },
         stop.clone(),
     ));

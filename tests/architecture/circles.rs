@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 30] = [
+pub const CRATES: [Member; 33] = [
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),
@@ -47,6 +47,7 @@ pub const CRATES: [Member; 30] = [
     member("fleetcal-robot", "robot", "model proto"),
     member("fleetcal-clock", "service/clock", "model"),
     member("fleetcal-limits", "service/limits", "model"),
+    member("fleetcal-support", "service/support", "limits model"),
     member(
         "fleetcal-domain",
         "service/domain",
@@ -95,15 +96,21 @@ pub const CRATES: [Member; 30] = [
         "certificate clock cluster domain estimator fleet model proto robot store",
     ),
     member(
+        "fleetcal-moments",
+        "service/moments",
+        "clock domain fleet model operations",
+    ),
+    member(
         "fleetcal-link",
         "service/link",
         "clock cluster domain fleet model operations proto",
     ),
+    member("fleetcal-view", "service/view", "domain model"),
     member("fleetcal-http", "service/http", "clock domain"),
     member(
         "fleetcal-requests",
         "service/requests",
-        "domain fleet model proto store",
+        "domain fleet http model operations proto store",
     ),
     member(
         "fleetcal-metrics",
@@ -113,7 +120,8 @@ pub const CRATES: [Member; 30] = [
     member(
         "fleetcal-api",
         "service/api",
-        "certificate clock cluster domain estimator fleet http metrics model operations proto requests store",
+        "certificate clock cluster domain estimator fleet http metrics model moments operations proto requests store \
+         support view",
     ),
     member(
         "fleetcal-config",
@@ -128,8 +136,8 @@ pub const CRATES: [Member; 30] = [
     member(
         "fleetcal",
         "service",
-        "api clock cluster command config domain fleet folder http link model operations postgres proto robot \
-         sql sqlite store",
+        "api clock cluster command config domain fleet folder http link model moments operations postgres proto \
+         robot sql sqlite store support",
     ),
     member(
         "fleetcal-evaluation",
@@ -139,9 +147,10 @@ pub const CRATES: [Member; 30] = [
 ];
 
 /// Largest number of lines of a crate of the service, tests left out. It is a size at which to look
-/// for a border, and no border by itself: 8,500 would have cut routes from the documents that they
-/// answer with, and decisions about proposals from those about alerts.
-const SERVICE_CRATE_LINES_MAX: usize = 9_500;
+/// for a border, and no border by itself: 9,500 would have cut routes from the documents that they
+/// answer with, decisions about proposals from those about alerts, and retirement from the life
+/// cycle that it ends.
+const SERVICE_CRATE_LINES_MAX: usize = 10_500;
 
 /// Returns the texts of the files below a folder with one of `endings`, by their paths below it.
 fn texts(folder: &Path, endings: &[&str]) -> BTreeMap<String, String> {

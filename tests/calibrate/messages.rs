@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use fleetcal_tests::rewritten::{DriveAs, JOINTS, driven, posed, renamed};
+use fleetcal_tests::rewritten::{DriveAs, JOINTS, driven, posed, renamed, together};
 use fleetcal_tests::{binary, recording};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -53,6 +53,10 @@ fn joints_odometry_and_twist_give_the_numbers_of_one_message() {
         driven(&path, &to, how);
         to
     };
+    // Ten of them in a message, found by its type.
+    let ten = folder.path().join("ten.mcap");
+    together(&path, &ten);
+    assert_eq!(calibrated(&ten, &[]), expected);
     // All in one message, or in two of the same stamp: to the last digit.
     let joints = other(DriveAs::Joints);
     let flags = [

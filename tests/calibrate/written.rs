@@ -1,11 +1,12 @@
 //! Files that `calibrate` writes besides its result: the page, and the session for Foxglove.
 
 use std::fs;
+use std::path::Path;
 
-use fleetcal_proto::ros::{LaserScan, RosMessage};
+use fleetcal_proto::ros::{Estimate, LaserScan, RosMessage};
 use fleetcal_robot::recording::Recording;
 use fleetcal_tests::rewritten::{Rewritten, rewritten};
-use fleetcal_tests::{binary, recording};
+use fleetcal_tests::{binary, recording, rosbags};
 use tempfile::TempDir;
 
 use super::{assert_refused, calibrate};
@@ -61,7 +62,8 @@ fn the_report_needs_nothing_else_and_the_session_holds_what_was_found() {
     // The last estimate in it is the one that was printed, but for what came in its last second.
     let estimates = session.messages(&["/tugger_01/estimate"]).unwrap();
     let last = estimates.last().unwrap().unwrap();
-    let last: serde_json::Value = serde_json::from_slice(&last.payload).unwrap();
+    let last = Estimate::from_cdr(&last.payload).unwrap();
+    let last: serde_json::Value = serde_json::from_str(&last.document).unwrap();
     let of = |document: &serde_json::Value, what: &str| {
         let value = &document["parameters"]["lidar_x"][what];
         value.as_f64().unwrap()
@@ -73,6 +75,13 @@ fn the_report_needs_nothing_else_and_the_session_holds_what_was_found() {
         let message = message.unwrap();
         let scan = LaserScan::from_cdr(&message.payload).unwrap();
         assert_eq!(message.log_time_ns.cast_signed(), scan.header.stamp.as_ns());
+    }
+    if let Some(read) = rosbags::read(Path::new(export)) {
+        assert_eq!(read["/tugger_01/estimate"]["last"], last);
+        let scans = original.count(&["/tugger_01/scan"]);
+        assert_eq!(read["/tugger_01/scan"]["count"], scans);
+        let is_cdr = |topic: &serde_json::Value| topic["format"] == "cdr" && topic["qos"] == 1;
+        assert!(read.as_object().unwrap().values().all(is_cdr), "{read}");
     }
     // What was written can be calibrated again.
     let again = binary::run_json(["calibrate", export, "--wheelbase", "1.2", "--json"]);

@@ -3,7 +3,7 @@
 use std::fs;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fleetcal_domain::limits::ZENOH_SESSIONS_PER_ADDRESS_DEFAULT;
 use fleetcal_tests::service::{Service, wait_for};
@@ -19,6 +19,10 @@ const DRIVE_S: u64 = 60;
 const ADDRESSES: u8 = 3;
 /// Number of fragments of such a message, and the bytes of one: close to the largest message.
 const LONG: (u64, usize) = (40, 48_000);
+/// Counter of sessions closed for want of memory.
+const CLOSED: &str = "fleetcal_zenoh_sessions_closed_total{reason=\"memory\"}";
+/// Fragments of one byte that one session sends: each keeps a receiving buffer of 48 KiB.
+const SHORT: u64 = 200_000;
 /// Time for which these sessions go on.
 const ATTACKED_FOR: Duration = Duration::from_secs(3);
 
@@ -101,6 +105,7 @@ fn fifty_robots_are_served_within_256_mib() {
     drop(fleet);
     assert_eq!(service.status("/readyz", None), 200);
     assert_eq!(service.pid(), pid);
+    assert_eq!(service.metric(CLOSED), 0);
     println!(
         "{ROBOTS} robots for {DRIVE_S} s within {} MiB: at most {} MiB resident",
         MEMORY_BYTES >> 20,
@@ -142,4 +147,36 @@ async fn unfinished_messages_of_several_addresses_leave_a_service_within_256_mib
     assert!(!peers.is_empty(), "nobody has attacked it");
     assert_eq!(service.status("/readyz", None), 200);
     assert_eq!(service.pid(), pid);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "makes a control group, which takes root; make hardening-process"]
+async fn fragments_of_one_byte_leave_a_service_within_256_mib() {
+    let limited = Limited::new();
+    let service = limited.inside(|| Service::start(&["robot_a"]));
+    let pid = service.pid();
+    let endpoint = service.endpoint();
+    let to: SocketAddr = endpoint.trim_start_matches("tcp/").parse().unwrap();
+    let begun = Instant::now();
+    let (mut sent, mut most) = (0, 0);
+    for number in 1.. {
+        let from = IpAddr::V4(Ipv4Addr::LOCALHOST);
+        if let Ok(mut peer) = RawPeer::open(from, to, number).await {
+            let channel = Channel {
+                is_reliable: true,
+                priority: None,
+            };
+            drop(peer.begin_message(channel, SHORT, 1));
+            sent += SHORT;
+        }
+        most = most.max(service.memory_bytes());
+        if begun.elapsed() > ATTACKED_FOR {
+            break;
+        }
+    }
+    println!("{sent} fragments of one byte: {} MiB resident", most >> 20);
+    assert!(sent >= SHORT, "nobody has attacked it");
+    assert_eq!(service.status("/readyz", None), 200);
+    assert_eq!(service.pid(), pid);
+    assert!(service.metric(CLOSED) > 0, "no session was closed");
 }

@@ -36,7 +36,7 @@ fn drive(mut program: Command, service: &Service, robot: &str) {
     assert!(status.success(), "{status}");
     let counters = service.accounts_of(robot);
     assert_eq!(counters["refused"], 0, "{counters}");
-    let samples = counters["processed"].as_u64().unwrap();
+    let samples = counters["drive_samples"].as_u64().unwrap();
     assert!(samples > 5_000, "{counters}");
     assert_found(&service.get(&format!("/api/v1/robots/{robot}/estimate")));
 }

@@ -10,10 +10,12 @@ mod described;
 mod folder;
 mod hostile;
 mod json_schema;
+mod moments;
 mod openapi;
 mod rest;
 mod robot_recording;
 mod ros2;
+mod support;
 
 use std::net::TcpListener;
 use std::path::PathBuf;

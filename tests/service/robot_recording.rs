@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use fleetcal_proto::ros::{LaserScan, RosMessage};
+use fleetcal_proto::ros::{LaserScan, Log, RosMessage};
 use fleetcal_robot::recording::Recording;
+use fleetcal_tests::rosbags;
 use fleetcal_tests::service::{Service, wait_for};
-use serde_json::Value;
 use tempfile::TempDir;
 
 use super::{assert_same, calibrated, recorded, send, sender};
@@ -42,26 +42,6 @@ fn fetch(service: &Service, robot: &str, query: &str, to: &Path) -> Child {
     fetching
 }
 
-/// Reads topics with their schemas and counts by Python's `mcap`, and the number left out.
-fn read_by_python(python: &str, path: &Path) -> Value {
-    let script = "import json, sys\nfrom mcap.reader import make_reader\n\
-                  with open(sys.argv[1], 'rb') as file:\n reader = make_reader(file, \
-                  validate_crcs=True)\n topics = {}\n for schema, channel, message in \
-                  reader.iter_messages():\n  entry = topics.setdefault(channel.topic, \
-                  [schema.name, schema.encoding, 0])\n  entry[2] += 1\n  if \
-                  schema.encoding == 'jsonschema': json.loads(message.data)\n missing = \
-                  [m.metadata for m in reader.iter_metadata() if m.name == \
-                  'fleetcal.session']\n print(json.dumps([topics, missing]))";
-    let output = Command::new(python)
-        .args(["-c", script])
-        .arg(path)
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{said}");
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_recording_of_a_live_robot_calibrates_the_same() {
     let folder = TempDir::new().unwrap();
@@ -88,8 +68,8 @@ async fn the_recording_of_a_live_robot_calibrates_the_same() {
     assert_eq!(count("scan"), summary.scans);
     assert!(count("estimate") >= 25, "{}", count("estimate"));
     let events = recording.messages(&["/tugger_01/events"]).unwrap();
-    let events = events.map(|event| String::from_utf8(event.unwrap().payload).unwrap());
-    let noted = events.filter(|event| event.contains("maintenance: greased"));
+    let events = events.map(|event| Log::from_cdr(&event.unwrap().payload).unwrap());
+    let noted = events.filter(|event| event.msg.contains("maintenance: greased"));
     assert_eq!(noted.count(), 1);
     assert!(recording.count(&["/tf"]) > count("estimate"));
     for message in recording.messages(&["/tugger_01/scan"]).unwrap() {
@@ -99,21 +79,23 @@ async fn the_recording_of_a_live_robot_calibrates_the_same() {
     }
     assert_same(&estimate, &calibrated(&recorded));
 
-    let Ok(python) = std::env::var("FLEETCAL_PYTHON") else {
-        eprintln!("skipped: FLEETCAL_PYTHON is not set; `make test` sets it");
+    let Some(read) = rosbags::read(&recorded) else {
         return;
     };
-    let read = read_by_python(&python, &recorded);
-    let topic = |name: &str| read[0][name].clone();
-    let scans = summary.scans;
-    assert_eq!(
-        topic("/tugger_01/scan"),
-        serde_json::json!(["sensor_msgs/msg/LaserScan", "ros2msg", scans])
+    let topics = read.as_object().unwrap();
+    assert!(
+        topics
+            .values()
+            .all(|topic| topic["format"] == "cdr" && topic["qos"] == 1),
+        "{read}"
     );
-    assert_eq!(topic("/tugger_01/events")[0], "foxglove.Log");
-    assert_eq!(topic("/tf")[0], "foxglove.FrameTransform");
-    assert_eq!(topic("/tugger_01/estimate")[1], "jsonschema");
-    assert_eq!(read[1], serde_json::json!([{ "left_out": "0" }]));
+    let scans = &read["/tugger_01/scan"];
+    assert_eq!(scans["type"], "sensor_msgs/msg/LaserScan");
+    assert_eq!(scans["count"], summary.scans);
+    assert_eq!(read["/tugger_01/events"]["last"], "maintenance: greased");
+    assert_eq!(read["/tf"]["type"], "tf2_msgs/msg/TFMessage");
+    let last = &read["/tugger_01/estimate"]["last"];
+    assert_eq!(last["robot"], "tugger_01");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -19,4 +19,5 @@ pub mod recording;
 pub mod replayed;
 pub mod report;
 pub mod rewritten;
+pub mod rosbags;
 pub mod service;

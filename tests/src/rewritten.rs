@@ -6,7 +6,8 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use fleetcal_proto::ros::{
-    AckermannDriveStamped, JointState, Odometry, PoseStamped, RosMessage, Time, TwistStamped,
+    AckermannDriveStamped, DriveSamples, JointState, MeasuredDrive, Odometry, PoseStamped,
+    RosMessage, Time, TwistStamped,
 };
 use fleetcal_robot::recording::{RecordedMessage, Recording};
 use mcap::records::MessageHeader;
@@ -108,6 +109,30 @@ pub fn renamed(recording: &Path, path: &Path, from: &str, to: &str) {
             to.clone_into(&mut message.topic);
         }
         vec![message]
+    });
+}
+
+/// Writes a simulated robot's recording with ten drive samples in each message.
+///
+/// # Panics
+/// When it cannot be read or written.
+pub fn together(recording: &Path, path: &Path) {
+    let mut waiting = Vec::new();
+    rewritten(recording, path, |message_type, of| {
+        if message_type != AckermannDriveStamped::TYPE {
+            return vec![Rewritten::unchanged(message_type, of)];
+        }
+        let drive = AckermannDriveStamped::from_cdr(&of.payload).expect("a drive sample");
+        waiting.push(MeasuredDrive {
+            stamp: drive.header.stamp,
+            steering_angle: drive.drive.steering_angle,
+            speed: drive.drive.speed,
+        });
+        if waiting.len() < 10 {
+            return Vec::new();
+        }
+        let samples = DriveSamples::new(std::mem::take(&mut waiting)).expect("100 ms");
+        vec![Rewritten::on("/tugger_01/wheel_odometry", of, &samples)]
     });
 }
 

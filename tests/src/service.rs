@@ -1,5 +1,6 @@
 //! A running service: the built binary on free loopback ports and a folder of its own.
 
+use std::collections::BTreeMap;
 use std::fs::{self, OpenOptions};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -292,6 +293,43 @@ impl Service {
         value.map(count).sum()
     }
 
+    /// Returns the sum of a name's samples of `/metrics`, whatever their labels; 0 if it is absent.
+    ///
+    /// # Panics
+    /// When there is no answer.
+    pub fn metric_sum(&self, name: &str) -> f64 {
+        let answer = http::get(self.http, "/metrics", None).expect("an answer");
+        let values = answer.body.lines().filter_map(|line| {
+            let rest = line.strip_prefix(name)?;
+            let is_it = rest.starts_with(['{', ' ']);
+            rest.rsplit_once(' ')
+                .filter(|_| is_it)?
+                .1
+                .parse::<f64>()
+                .ok()
+        });
+        values.sum()
+    }
+
+    /// Returns the upper bound of the histogram's bucket up to which it has a share of its values;
+    /// `None` where there is no such histogram.
+    ///
+    /// # Panics
+    /// When there is no answer.
+    pub fn metric_quantile(&self, name: &str, share: f64) -> Option<f64> {
+        let answer = http::get(self.http, "/metrics", None).expect("an answer");
+        let begin = format!("{name}_bucket{{le=\"");
+        let buckets = answer.body.lines().filter_map(|line| {
+            let (bound, count) = line.strip_prefix(&begin)?.split_once("\"} ")?;
+            let bound = bound.replace("+Inf", "inf").parse().ok()?;
+            Some((bound, count.parse().ok()?))
+        });
+        let buckets: Vec<(f64, f64)> = buckets.collect();
+        let (_, all) = *buckets.last()?;
+        let is_enough = |bucket: &&(f64, f64)| bucket.1 >= share * all;
+        buckets.iter().find(is_enough).map(|bucket| bucket.0)
+    }
+
     /// Returns its process.
     pub fn pid(&self) -> u32 {
         self.child.id()
@@ -397,6 +435,29 @@ impl Service {
             field.parse().expect("a number")
         };
         (ticks(11) + ticks(12)) / 100.0
+    }
+
+    /// Returns the CPU time that its threads have used, s, by their names without numbers.
+    ///
+    /// # Panics
+    /// When the system does not provide it.
+    pub fn cpu_s_by_thread(&self) -> BTreeMap<String, f64> {
+        let mut by_name = BTreeMap::new();
+        let threads = fs::read_dir(format!("/proc/{}/task", self.pid())).expect("proc");
+        for thread in threads {
+            let folder = thread.expect("proc").path();
+            // A thread may end meanwhile.
+            let read = |file: &str| fs::read_to_string(folder.join(file)).ok();
+            if let (Some(name), Some(stat)) = (read("comm"), read("schedstat")) {
+                let name = name
+                    .trim_end()
+                    .trim_end_matches(|c: char| c.is_ascii_digit() || c == '-');
+                let used_ns = stat.split_whitespace().next().expect("a time");
+                let used_ns: f64 = used_ns.parse().expect("a number");
+                *by_name.entry(name.to_owned()).or_insert(0.0) += 1e-9 * used_ns;
+            }
+        }
+        by_name
     }
 
     /// Returns its memory, bytes.

@@ -101,9 +101,21 @@ export const test = base.extend<Given, Shared>({
   ],
 });
 
+/** The rules that a colour scheme decides; every other is the same in both. */
+const OF_COLOURS = ['color-contrast', 'link-in-text-block'];
+
 /** No violation of any accessibility rule, contrast included. */
 export async function accessible(page: Page): Promise<void> {
-  const { violations } = await new AxeBuilder({ page }).analyze();
+  await none(new AxeBuilder({ page }));
+}
+
+/** No violation of the rules that the present colour scheme decides. */
+export async function legible(page: Page): Promise<void> {
+  await none(new AxeBuilder({ page }).withRules(OF_COLOURS));
+}
+
+async function none(axe: AxeBuilder): Promise<void> {
+  const { violations } = await axe.analyze();
   const found = violations.map(({ id, nodes }) => ({
     id,
     where: nodes.map(({ html, failureSummary }) => `${html}\n${failureSummary}`),

@@ -1,5 +1,5 @@
 import { waiting } from './decisions';
-import { accessible, expect, sideways, test } from './fixtures';
+import { accessible, expect, legible, sideways, test } from './fixtures';
 
 test.use({ as: 'admin' });
 
@@ -23,7 +23,10 @@ const PHONE = { width: 390, height: 844 };
 /** A window of 1280 px at 400 %. */
 const NARROWEST = { width: 320, height: 640 };
 
-for (const colorScheme of ['light', 'dark'] as const) {
+for (const [colorScheme, checked] of [
+  ['light', accessible],
+  ['dark', legible],
+] as const) {
   test(`every page is accessible, wide and on a phone, ${colorScheme}`, async ({ page }) => {
     test.setTimeout(240_000);
     const [first] = await waiting(page.request, 1);
@@ -35,9 +38,9 @@ for (const colorScheme of ['light', 'dark'] as const) {
       await expect(page.getByRole('heading', { level: 1, name: heading })).toBeVisible();
       await expect(page.getByText('Live', { exact: true })).toBeVisible();
       await page.waitForLoadState('load');
-      await test.step(`${path} wide`, () => accessible(page));
+      await test.step(`${path} wide`, () => checked(page));
       await page.setViewportSize(PHONE);
-      await test.step(`${path} on a phone`, () => accessible(page));
+      await test.step(`${path} on a phone`, () => checked(page));
       for (const size of [PHONE, NARROWEST]) {
         await page.setViewportSize(size);
         expect(await sideways(page), `${path} scrolls sideways at ${size.width} px`).toBe(0);

@@ -1,6 +1,6 @@
 import { readFile } from 'node:fs/promises';
 import { letters } from './canvas';
-import { accessible, expect, openPart, sideways, test } from './fixtures';
+import { accessible, expect, legible, openPart, sideways, test } from './fixtures';
 
 const CHARTS = ['Steering offset', 'LiDAR x', 'LiDAR y', 'LiDAR yaw'];
 
@@ -227,7 +227,10 @@ test('a reassembly is reported and stands among what happened', async ({ page })
   await accessible(page);
 });
 
-for (const colorScheme of ['light', 'dark'] as const) {
+for (const [colorScheme, checked] of [
+  ['light', accessible],
+  ['dark', legible],
+] as const) {
   test(`a robot's page is accessible, ${colorScheme}`, async ({ page }) => {
     // The tables have a row for each second: three times all of that takes its time.
     test.setTimeout(180_000);
@@ -235,13 +238,13 @@ for (const colorScheme of ['light', 'dark'] as const) {
     for (const part of ['Overview', 'Evidence', 'History', 'Raw'] as const) {
       await page.setViewportSize({ width: 1440, height: 900 });
       await openPart(page, part);
-      await test.step(`${part} wide`, () => accessible(page));
+      await test.step(`${part} wide`, () => checked(page));
       for (const button of await page.getByRole('button', { name: /^Show as table/ }).all()) {
         if ((await button.getAttribute('aria-pressed')) === 'false') await button.click();
       }
-      await test.step(`${part} as tables`, () => accessible(page));
+      await test.step(`${part} as tables`, () => checked(page));
       await page.setViewportSize({ width: 390, height: 844 });
-      await test.step(`${part} on a phone`, () => accessible(page));
+      await test.step(`${part} on a phone`, () => checked(page));
       for (const width of [390, 320]) {
         await page.setViewportSize({ width, height: 640 });
         expect(await sideways(page), `${part} scrolls sideways at ${width} px`).toBe(0);

@@ -7,6 +7,7 @@
 
 pub mod change;
 pub mod covariance;
+pub mod label;
 pub mod number;
 pub mod parameter;
 pub mod plane;
@@ -18,6 +19,7 @@ pub mod vehicle;
 
 pub use change::{Cause, ChangeKind, Detection, DetectionState, NoteKind};
 pub use covariance::CalibrationCovariance;
+pub use label::{LABEL_CHARS_MAX, Label, LabelRefused, TAGS_MAX, Tags};
 pub use number::{
     AlertId, AuditId, DeliveryId, DeploymentId, EventId, Generation, ProposalId, RevisionId,
     TokenId, UserId, Version, WebhookId,

@@ -80,6 +80,9 @@ pub enum CdrError {
         /// Accepted values, in words.
         accepted: &'static str,
     },
+    /// The fields contradict each other, in the words of their message type.
+    #[error("{0}")]
+    Contents(String),
     /// The payload continues behind the last field: it is of another type.
     #[error("{extra} bytes follow {field}, the last field; expected at most 7 of padding")]
     Trailing {

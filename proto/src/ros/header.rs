@@ -22,6 +22,30 @@ pub struct Time {
 }
 
 impl Time {
+    /// Reads a time; its two fields have these names.
+    pub(super) fn read(
+        reader: &mut CdrReader<'_>,
+        sec: &'static str,
+        field: &'static str,
+    ) -> Result<Self, CdrError> {
+        let sec = reader.i32(sec)?;
+        let nanosec = reader.u32(field)?;
+        if nanosec >= NANOSEC_END {
+            let value = nanosec.to_string();
+            return Err(CdrError::Value {
+                field,
+                value,
+                accepted: "less than 1000000000",
+            });
+        }
+        Ok(Self { sec, nanosec })
+    }
+
+    pub(super) fn write(self, writer: &mut CdrWriter) {
+        writer.i32(self.sec);
+        writer.u32(self.nanosec);
+    }
+
     /// Returns the time in nanoseconds.
     pub fn as_ns(self) -> i64 {
         i64::from(self.sec) * i64::from(NANOSEC_END) + i64::from(self.nanosec)
@@ -50,27 +74,13 @@ pub struct Header {
 
 impl Header {
     pub(super) fn read(reader: &mut CdrReader<'_>) -> Result<Self, CdrError> {
-        let sec = reader.i32("header.stamp.sec")?;
-        let field = "header.stamp.nanosec";
-        let nanosec = reader.u32(field)?;
-        if nanosec >= NANOSEC_END {
-            let value = nanosec.to_string();
-            return Err(CdrError::Value {
-                field,
-                value,
-                accepted: "less than 1000000000",
-            });
-        }
+        let stamp = Time::read(reader, "header.stamp.sec", "header.stamp.nanosec")?;
         let frame_id = reader.string("header.frame_id")?;
-        Ok(Self {
-            stamp: Time { sec, nanosec },
-            frame_id,
-        })
+        Ok(Self { stamp, frame_id })
     }
 
     pub(super) fn write(&self, writer: &mut CdrWriter) {
-        writer.i32(self.stamp.sec);
-        writer.u32(self.stamp.nanosec);
+        self.stamp.write(writer);
         writer.string(&self.frame_id);
     }
 

@@ -1,13 +1,16 @@
-//! The ROS 2 messages that robots send, in CDR and in JSON with the same field names.
+//! The ROS 2 messages that robots send and that recordings have, in CDR and in JSON with the same field names.
 //!
 //! Fields, units and meaning are those of the public message definitions; what a field may hold
 //! physically is checked where it is used, not here.
 
 mod ackermann;
+mod drive_samples;
+mod estimate;
 mod float64;
 mod header;
 mod joint_state;
 mod laser_scan;
+mod log;
 mod odometry;
 mod point_cloud2;
 mod pose_stamped;
@@ -17,10 +20,15 @@ mod tf_message;
 mod twist_stamped;
 
 pub use ackermann::{AckermannDrive, AckermannDriveStamped};
+pub use drive_samples::{
+    DRIVE_SAMPLES_MAX, DRIVE_SAMPLES_SPAN_MAX_NS, DriveSamples, MeasuredDrive, SamplesRefused,
+};
+pub use estimate::{Estimate, ParameterEstimate};
 pub use float64::Float64;
 pub use header::{Header, Time};
 pub use joint_state::JointState;
 pub use laser_scan::{LaserScan, ScanRefused};
+pub use log::Log;
 pub use odometry::{
     Covariance, Odometry, Pose, PoseWithCovariance, Quaternion, Twist, TwistWithCovariance, Vector3,
 };

@@ -1,8 +1,9 @@
 //! Simulated messages as the ROS 2 messages that travel.
 
 use fleetcal_proto::ros::{
-    AckermannDrive, AckermannDriveStamped, Header, LaserScan, Odometry, Pose, PoseStamped,
-    Quaternion, Time, Vector3,
+    AckermannDrive, AckermannDriveStamped, DRIVE_SAMPLES_MAX, DRIVE_SAMPLES_SPAN_MAX_NS,
+    DriveSamples, Header, LaserScan, MeasuredDrive, Odometry, Pose, PoseStamped, Quaternion,
+    SamplesRefused, Time, Vector3,
 };
 use thiserror::Error;
 
@@ -16,8 +17,12 @@ pub struct StampRefused {
     pub stamp_ns: i64,
 }
 
+fn time(stamp_ns: i64) -> Result<Time, StampRefused> {
+    Time::from_ns(stamp_ns).ok_or(StampRefused { stamp_ns })
+}
+
 fn header(stamp_ns: i64, frame_id: &str) -> Result<Header, StampRefused> {
-    let stamp = Time::from_ns(stamp_ns).ok_or(StampRefused { stamp_ns })?;
+    let stamp = time(stamp_ns)?;
     Ok(Header {
         stamp,
         frame_id: frame_id.to_owned(),
@@ -37,6 +42,60 @@ pub fn drive_message(drive: &DriveSample) -> Result<AckermannDriveStamped, Stamp
             ..AckermannDrive::default()
         },
     })
+}
+
+/// Drive samples of a robot that wait until a message is full.
+#[derive(Debug, Default)]
+pub struct DriveBatch {
+    samples: Vec<MeasuredDrive>,
+}
+
+impl DriveBatch {
+    /// Adds a drive sample; returns the message of those before it, if this one does not fit into
+    /// it.
+    ///
+    /// # Errors
+    /// When its stamp does not fit, or a value is not finite.
+    pub fn add(&mut self, drive: &DriveSample) -> Result<Option<DriveSamples>, DriveRefused> {
+        let sample = MeasuredDrive {
+            stamp: time(drive.stamp_ns)?,
+            steering_angle: drive.steering_rad as f32,
+            speed: drive.speed_mps as f32,
+        };
+        let fits = match self.samples.as_slice() {
+            [] => true,
+            [first, ..] if self.samples.len() < DRIVE_SAMPLES_MAX => {
+                let last = self.samples.last().unwrap_or(first);
+                let is_near = drive.stamp_ns - first.stamp.as_ns() < DRIVE_SAMPLES_SPAN_MAX_NS;
+                is_near && sample.stamp > last.stamp
+            }
+            _ => false,
+        };
+        let full = if fits { None } else { self.take()? };
+        self.samples.push(sample);
+        Ok(full)
+    }
+
+    /// Returns the message of the samples that wait; `None` if there are none.
+    ///
+    /// # Errors
+    /// When a value is not finite.
+    pub fn take(&mut self) -> Result<Option<DriveSamples>, DriveRefused> {
+        let samples = std::mem::take(&mut self.samples);
+        let is_any = !samples.is_empty();
+        Ok(is_any.then(|| DriveSamples::new(samples)).transpose()?)
+    }
+}
+
+/// Reason for which a drive sample does not fit into a message.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum DriveRefused {
+    /// A ROS message cannot represent its stamp.
+    #[error(transparent)]
+    Stamp(#[from] StampRefused),
+    /// It contradicts the samples before it.
+    #[error(transparent)]
+    Samples(#[from] SamplesRefused),
 }
 
 /// Converts a scan to `sensor_msgs/msg/LaserScan`.

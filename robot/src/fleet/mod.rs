@@ -27,7 +27,10 @@ use tokio_util::sync::CancellationToken;
 
 pub use crate::session_error::SessionError;
 pub use description::urdf;
-pub use message::{StampRefused, drive_message, lidar_pose_message, scan_message, truth_message};
+pub use message::{
+    DriveBatch, DriveRefused, StampRefused, drive_message, lidar_pose_message, scan_message,
+    truth_message,
+};
 pub use record::{
     RECORD_DURATION_MAX_S, RecordError, RecordedTruth, RecordedVehicle, TrueSegment, record,
     record_wrong, truth_path,
@@ -55,6 +58,18 @@ pub struct FleetOptions {
     pub start_stamp_ns: i64,
     /// Seconds that pass for the robots in one of real time, from 1 on.
     pub rate: NonZeroU32,
+    /// Messages of their drive samples.
+    pub drive_messages: DriveMessages,
+}
+
+/// Messages that carry a robot's drive samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DriveMessages {
+    /// `fleetcal_msgs/msg/DriveSamples`: those of up to 100 ms in one message.
+    #[default]
+    Several,
+    /// `ackermann_msgs/msg/AckermannDriveStamped`: each in a message of its own.
+    Single,
 }
 
 /// Summary of one robot's messages.
@@ -96,6 +111,15 @@ pub enum FleetError {
         #[source]
         reason: StampRefused,
     },
+    /// A drive sample does not fit into a message.
+    #[error("robot {robot}: {reason}")]
+    Drive {
+        /// The robot.
+        robot: RobotId,
+        /// The field.
+        #[source]
+        reason: DriveRefused,
+    },
     /// A robot's agent reached an impossible state.
     #[error(transparent)]
     Agent(#[from] TransitionRefused),
@@ -124,8 +148,14 @@ pub async fn run_fleet(
     for robot in options.robots {
         let (client, keys) = (Arc::clone(&client), options.keys.clone());
         let (trusted, stop) = (options.trusted.clone(), stop.clone());
+        let drive_messages = options.drive_messages;
         tasks.spawn(async move {
-            task::run(robot, &client, &keys, trusted.as_ref(), epoch, stop).await
+            let course = task::Course {
+                drive_messages,
+                epoch,
+                stop,
+            };
+            task::run(robot, &client, &keys, trusted.as_ref(), course).await
         });
     }
     let mut summaries = Vec::new();

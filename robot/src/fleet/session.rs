@@ -1,12 +1,13 @@
 //! The only place of the fleet that knows Zenoh: one client session for each robot.
 
 use fleetcal_proto::signing::TrustedKeys;
-use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
+use fleetcal_proto::{Encoding, Form, Keys, MessageType, RobotId, StreamKind};
 use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
 
+use super::DriveMessages;
 use crate::agent::{CalibrationLink, Event};
 use crate::session::{ClientConfig, at_key, close, publisher};
 use crate::session_error::SessionError;
@@ -33,6 +34,7 @@ impl RobotSession {
         keys: &Keys,
         robot: &RobotId,
         trusted: Option<&TrustedKeys>,
+        drive_messages: DriveMessages,
         stop: &CancellationToken,
     ) -> Result<Option<(Self, mpsc::Receiver<Event>)>, SessionError> {
         let Some(session) = config.open(robot, stop).await? else {
@@ -40,15 +42,23 @@ impl RobotSession {
         };
         let (calibration, incoming) =
             CalibrationLink::declare(&session, keys, robot, trusted).await?;
-        let publisher = |kind, encoding| publisher(&session, keys, robot, kind, encoding);
+        let publisher = |kind, form: Form| publisher(&session, keys, robot, kind, form);
+        let wheel_odometry = Form {
+            encoding: Encoding::Cdr,
+            message_type: match drive_messages {
+                DriveMessages::Several => Some(MessageType::DriveSamples),
+                DriveMessages::Single => None,
+            },
+        };
+        let (cdr, json) = (Form::from(Encoding::Cdr), Form::from(Encoding::Json));
         let alive = keys.alive(robot);
         let token = session.liveliness().declare_token(alive.clone()).await;
         let robot_session = Self {
-            wheel_odometry: publisher(StreamKind::WheelOdometry, Encoding::Cdr).await?,
-            scan: publisher(StreamKind::Scan, Encoding::Cdr).await?,
-            lidar_odometry: publisher(StreamKind::LidarOdometry, Encoding::Cdr).await?,
-            cross_track_error: publisher(StreamKind::CrossTrackError, Encoding::Json).await?,
-            robot_description: publisher(StreamKind::RobotDescription, Encoding::Cdr).await?,
+            wheel_odometry: publisher(StreamKind::WheelOdometry, wheel_odometry).await?,
+            scan: publisher(StreamKind::Scan, cdr).await?,
+            lidar_odometry: publisher(StreamKind::LidarOdometry, cdr).await?,
+            cross_track_error: publisher(StreamKind::CrossTrackError, json).await?,
+            robot_description: publisher(StreamKind::RobotDescription, cdr).await?,
             calibration,
             _token: token.map_err(at_key(&alive))?,
             session,

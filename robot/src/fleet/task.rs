@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use fleetcal_model::{Generation, RobotTime};
 use fleetcal_proto::event::CrossTrackError;
-use fleetcal_proto::ros::StringMessage;
+use fleetcal_proto::ros::{DriveSamples, StringMessage};
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Keys, RobotId, RosMessage, StreamKind};
 use tokio::sync::mpsc;
@@ -16,13 +16,15 @@ use tracing::{debug, warn};
 
 use super::calibration::{agent, applied_of};
 use super::description;
-use super::message::{StampRefused, drive_message, lidar_pose_message, scan_message};
+use super::message::{
+    DriveBatch, DriveRefused, StampRefused, drive_message, lidar_pose_message, scan_message,
+};
 use super::robots::SimulatedRobot;
 use super::session::RobotSession;
-use super::{FleetError, RobotSummary};
+use super::{DriveMessages, FleetError, RobotSummary};
 use crate::agent::{Activation, Agent, Effect, Event, HookAnswer, Outcome, PULL_PERIOD};
 use crate::session::ClientConfig;
-use crate::simulator::{Emitted, SimulatedMessage, Simulation};
+use crate::simulator::{DriveSample, Emitted, SimulatedMessage, Simulation};
 
 /// Interval at which a robot checks for due messages: that of the wheel odometry.
 const TICK: Duration = Duration::from_millis(10);
@@ -48,18 +50,33 @@ impl Epoch {
     }
 }
 
+/// Course of a robot's run, as of all robots of the fleet.
+#[derive(Debug, Clone)]
+pub(super) struct Course {
+    /// Messages of its drive samples.
+    pub drive_messages: DriveMessages,
+    /// Its time.
+    pub epoch: Epoch,
+    /// Signal of the end.
+    pub stop: CancellationToken,
+}
+
 /// Runs a robot until it is stopped.
 pub(super) async fn run(
     mut robot: SimulatedRobot,
     client: &ClientConfig,
     keys: &Keys,
     trusted: Option<&TrustedKeys>,
-    epoch: Epoch,
-    stop: CancellationToken,
+    course: Course,
 ) -> Result<RobotSummary, FleetError> {
+    let Course {
+        drive_messages,
+        epoch,
+        stop,
+    } = course;
     let id = robot.id.clone();
     let data = description::urdf(&robot);
-    let opened = RobotSession::open(client, keys, &id, trusted, &stop).await?;
+    let opened = RobotSession::open(client, keys, &id, trusted, drive_messages, &stop).await?;
     robot.config.start_stamp_ns = epoch.now().0;
     let agent = trusted.map(|trusted| {
         let nominal = robot.config.applied;
@@ -85,11 +102,17 @@ pub(super) async fn run(
         next,
         agent,
         session,
+        drive_messages,
+        batch: DriveBatch::default(),
         description: StringMessage { data }.to_cdr(),
         epoch,
         summary,
     };
     let ended = driver.drive(incoming, &stop).await;
+    let ended = match ended {
+        Ok(()) => driver.send_batch().await,
+        failed => failed,
+    };
     driver.session.close().await;
     ended.map(|()| driver.summary)
 }
@@ -101,6 +124,9 @@ struct Driver {
     /// Agent, taken out while it is at work; `None` for a robot without trusted keys.
     agent: Option<Agent>,
     session: RobotSession,
+    drive_messages: DriveMessages,
+    /// Drive samples that wait for their message to be full, or for the next scan.
+    batch: DriveBatch,
     /// Its description, CDR.
     description: Vec<u8>,
     epoch: Epoch,
@@ -152,36 +178,34 @@ impl Driver {
     /// Sends all messages that are due by now.
     async fn send_due(&mut self) -> Result<(), FleetError> {
         let now_ns = self.epoch.now().0;
+        if now_ns - self.next.sent_ns > LATE_MAX.as_nanos() as i64 {
+            self.leave_out(now_ns);
+        }
         while self.next.sent_ns <= now_ns {
-            let late_ns = now_ns - self.next.sent_ns;
             let next = self.simulation.advance();
             let due = std::mem::replace(&mut self.next, next);
-            if late_ns > LATE_MAX.as_nanos() as i64 {
-                self.count_late();
-            } else {
-                self.send(due.message).await?;
-            }
+            self.send(due.message).await?;
         }
         Ok(())
     }
 
-    fn count_late(&mut self) {
+    /// Leaves out all messages until `now_ns`. Beams that nobody waits for would keep the robot late
+    /// for good where computing time is short.
+    fn leave_out(&mut self, now_ns: i64) {
         if self.summary.late == 0 {
             warn!(robot.id = %self.summary.id, "too slow for real time: messages are left out");
         }
-        self.summary.late += 1;
+        self.summary.late += 1 + self.simulation.pass(now_ns);
+        self.next = self.simulation.advance();
     }
 
     async fn send(&mut self, message: SimulatedMessage) -> Result<(), FleetError> {
+        if !matches!(message, SimulatedMessage::WheelOdometry(_)) {
+            self.send_batch().await?;
+        }
         let id = &self.summary.id;
         let (kind, payload) = match message {
-            SimulatedMessage::WheelOdometry(drive) => {
-                self.summary.drive_samples += 1;
-                (
-                    StreamKind::WheelOdometry,
-                    drive_message(&drive).map_err(at(id))?.to_cdr(),
-                )
-            }
+            SimulatedMessage::WheelOdometry(drive) => return self.send_drive(&drive).await,
             SimulatedMessage::Scan(scan) => {
                 self.summary.scans += 1;
                 (
@@ -203,6 +227,43 @@ impl Driver {
             }
         };
         Ok(self.session.send(kind, payload).await?)
+    }
+
+    /// Sends a drive sample, or keeps it for the next message.
+    async fn send_drive(&mut self, drive: &DriveSample) -> Result<(), FleetError> {
+        let id = &self.summary.id;
+        match self.drive_messages {
+            DriveMessages::Single => {
+                let payload = drive_message(drive).map_err(at(id))?.to_cdr();
+                self.summary.drive_samples += 1;
+                Ok(self
+                    .session
+                    .send(StreamKind::WheelOdometry, payload)
+                    .await?)
+            }
+            DriveMessages::Several => {
+                let full = self.batch.add(drive).map_err(of_drive(id))?;
+                self.send_samples(full).await
+            }
+        }
+    }
+
+    /// Sends the drive samples that wait for their message to be full.
+    async fn send_batch(&mut self) -> Result<(), FleetError> {
+        let waiting = self.batch.take().map_err(of_drive(&self.summary.id))?;
+        self.send_samples(waiting).await
+    }
+
+    async fn send_samples(&mut self, message: Option<DriveSamples>) -> Result<(), FleetError> {
+        let Some(message) = message else {
+            return Ok(());
+        };
+        self.summary.drive_samples += message.samples().len() as u64;
+        let payload = message.to_cdr();
+        Ok(self
+            .session
+            .send(StreamKind::WheelOdometry, payload)
+            .await?)
     }
 
     /// Passes an event to the robot's agent and performs its decisions.
@@ -280,6 +341,11 @@ impl Driver {
 )]
 fn json(value: &impl serde::Serialize) -> Vec<u8> {
     serde_json::to_vec(value).expect("a plain struct is JSON")
+}
+
+fn of_drive(robot: &RobotId) -> impl FnOnce(DriveRefused) -> FleetError {
+    let robot = robot.clone();
+    move |reason| FleetError::Drive { robot, reason }
 }
 
 fn at(robot: &RobotId) -> impl FnOnce(StampRefused) -> FleetError {

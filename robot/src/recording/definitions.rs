@@ -23,12 +23,30 @@ macro_rules! definition {
     };
 }
 
+/// Definition of `tf2_msgs/msg/TFMessage`.
+pub(super) const TF_MESSAGE: &str = definition!(
+    "TFMessage",
+    "geometry_msgs" "TransformStamped",
+    "geometry_msgs" "Transform",
+    "geometry_msgs" "Vector3",
+    "geometry_msgs" "Quaternion"
+);
+
+/// Definition of `rcl_interfaces/msg/Log`.
+pub(super) const LOG: &str = definition!(@ "Log", "builtin_interfaces" "Time");
+
+/// Definition of `fleetcal_msgs/msg/Estimate`.
+pub(super) const ESTIMATE: &str = definition!("Estimate", "fleetcal_msgs" "ParameterEstimate");
+
 /// Returns the definition of a type.
 pub(super) const fn of(message_type: MessageType) -> &'static str {
     match message_type {
         MessageType::AckermannDriveStamped => definition!(
             "AckermannDriveStamped",
             "ackermann_msgs" "AckermannDrive"
+        ),
+        MessageType::DriveSamples => definition!(
+            @ "DriveSamples", "fleetcal_msgs" "DriveSample", "builtin_interfaces" "Time"
         ),
         MessageType::JointState => definition!("JointState"),
         MessageType::LaserScan => definition!("LaserScan"),

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use fleetcal_proto::encoding::DecodeError;
 use mcap::McapError;
 use thiserror::Error;
 
@@ -132,6 +133,17 @@ pub enum RecordingError {
         path: PathBuf,
         /// Disorder, s.
         disorder_s: f64,
+    },
+    /// A message in JSON that has no form in CDR.
+    #[error("{}: can't write a message of {topic}: {source}", path.display())]
+    Message {
+        /// The file.
+        path: PathBuf,
+        /// Topic of the message.
+        topic: String,
+        /// Fault of the message.
+        #[source]
+        source: DecodeError,
     },
     /// A message could not be written.
     #[error("{}: can't write the recording: {source}", path.display())]

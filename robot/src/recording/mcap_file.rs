@@ -5,15 +5,27 @@ use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
-use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::message_type::MessageType;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions, Writer};
-use serde_json::json;
 
 use super::{RecordingError, definitions};
 
-/// An MCAP file of ROS 2 and other messages. The same messages give the same bytes.
+/// Quality of service that a player of the recording publishes with, as `rosbag2` writes it: the
+/// last ten messages, reliable, volatile, without deadlines.
+const QOS: &str = "\
+- history: 1
+  depth: 10
+  reliability: 1
+  durability: 2
+  deadline: {sec: 9223372036, nsec: 854775807}
+  lifespan: {sec: 9223372036, nsec: 854775807}
+  liveliness: 1
+  liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
+  avoid_ros_namespace_conventions: false
+";
+
+/// An MCAP file of ROS 2 messages in CDR. The same messages give the same bytes.
 pub(super) struct McapFile<W: Write + Seek> {
     /// Path that errors name.
     path: PathBuf,
@@ -82,46 +94,30 @@ impl<W: Write + Seek> McapFile<W> {
         &self.path
     }
 
-    /// Adds a channel of ROS 2 messages.
-    pub(super) fn ros_channel(
+    /// Adds a channel of a robot's stream.
+    pub(super) fn stream(
         &mut self,
         topic: &str,
         message_type: MessageType,
-        encoding: Encoding,
     ) -> Result<u16, RecordingError> {
-        let name = message_type.ros_type();
-        match encoding {
-            Encoding::Cdr => {
-                let definition = definitions::of(message_type).as_bytes();
-                self.channel(topic, (name, "ros2msg", definition), "cdr")
-            }
-            Encoding::Json => self.json_channel(topic, name, &json!({ "type": "object" })),
-        }
+        let definition = definitions::of(message_type);
+        self.channel(topic, message_type.ros_type(), definition)
     }
 
-    /// Adds a channel of JSON.
-    pub(super) fn json_channel(
+    /// Adds a channel of ROS 2 messages in CDR.
+    pub(super) fn channel(
         &mut self,
         topic: &str,
-        name: &str,
-        schema: &serde_json::Value,
+        ros_type: &str,
+        definition: &str,
     ) -> Result<u16, RecordingError> {
-        let schema = schema.to_string();
-        self.channel(topic, (name, "jsonschema", schema.as_bytes()), "json")
-    }
-
-    fn channel(
-        &mut self,
-        topic: &str,
-        (name, encoding, schema): (&str, &str, &[u8]),
-        message_encoding: &str,
-    ) -> Result<u16, RecordingError> {
+        let metadata = [("offered_qos_profiles".to_owned(), QOS.to_owned())];
         let added = self
             .writer
-            .add_schema(name, encoding, schema)
+            .add_schema(ros_type, "ros2msg", definition.as_bytes())
             .and_then(|schema| {
                 self.writer
-                    .add_channel(schema, topic, message_encoding, &BTreeMap::new())
+                    .add_channel(schema, topic, "cdr", &metadata.into())
             });
         added.map_err(|error| refused(&self.path, error))
     }

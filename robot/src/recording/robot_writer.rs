@@ -1,24 +1,29 @@
-//! Writes a recording of a robot as MCAP for Foxglove: its streams as they were, and beside them what
-//! was found of it.
+//! Writes a recording of a robot as MCAP of ROS 2: its streams as they were, and beside them what was
+//! found of it.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use fleetcal_model::Pose2;
 use fleetcal_proto::RecordingTopic;
+use fleetcal_proto::message_type::MessageType;
+use fleetcal_proto::ros::{
+    Estimate, Header, Log, ParameterEstimate, Quaternion, RosMessage, TfMessage, Time, Transform,
+    TransformStamped, Vector3,
+};
 use mcap::write::NoSeek;
-use serde_json::{Value, json};
 
-use super::RecordingError;
 use super::mcap_file::{self, McapFile};
+use super::{RecordingError, definitions};
 
 /// Name of the metadata record with the number of missing messages.
 pub const RECORDING_METADATA: &str = "fleetcal.session";
 
-/// Writer of a recording: the streams unchanged, `/tf` as `foxglove.FrameTransform`,
-/// `/{robot}/estimate` as JSON and `/{robot}/events` as `foxglove.Log`.
+/// Writer of a recording: the streams, `/tf` as `tf2_msgs/msg/TFMessage`, `/{robot}/estimate` as
+/// `fleetcal_msgs/msg/Estimate` and `/{robot}/events` as `rcl_interfaces/msg/Log`. All are ROS 2
+/// messages in CDR with their definitions, so that each reader of ROS recordings reads the file;
+/// messages that a robot sent in JSON are converted.
 ///
 /// Everything is logged at its own stamp, by the robot's clock: messages at that of their header, a
 /// scan at its first beam; the rest at its message time. A recorder's clock is ignored, since it
@@ -26,7 +31,8 @@ pub const RECORDING_METADATA: &str = "fleetcal.session";
 #[derive(Debug)]
 pub struct RobotWriter<W: Write> {
     file: McapFile<NoSeek<W>>,
-    streams: BTreeMap<RecordingTopic, u16>,
+    /// Topic, type and channel of each stream.
+    streams: Vec<(String, MessageType, u16)>,
     transforms: u16,
     estimates: u16,
     events: u16,
@@ -64,40 +70,49 @@ impl<W: Write> RobotWriter<W> {
     pub fn begin(path: &Path, to: W, robot: &str) -> Result<Self, RecordingError> {
         let options = mcap_file::options().disable_seeking(true);
         let mut file = McapFile::begin(path, NoSeek::new(to), options)?;
-        let anything = json!({ "type": "object" });
         let (estimate, events) = (format!("/{robot}/estimate"), format!("/{robot}/events"));
         Ok(Self {
-            transforms: file.json_channel("/tf", "foxglove.FrameTransform", &transform_schema())?,
-            estimates: file.json_channel(&estimate, "fleetcal.Estimate", &anything)?,
-            events: file.json_channel(&events, "foxglove.Log", &log_schema())?,
-            streams: BTreeMap::new(),
+            transforms: file.channel("/tf", TfMessage::TYPE, definitions::TF_MESSAGE)?,
+            estimates: file.channel(&estimate, Estimate::TYPE, definitions::ESTIMATE)?,
+            events: file.channel(&events, Log::TYPE, definitions::LOG)?,
+            streams: Vec::new(),
             file,
         })
     }
 
-    /// Writes a message of the robot unchanged, logged at `stamp_ns`.
+    /// Writes a message of the robot, logged at `stamp_ns`.
     ///
     /// # Errors
-    /// When it can't be written.
+    /// When it can't be written, or is in JSON and of another type.
     pub fn message(
         &mut self,
         stamp_ns: i64,
         topic: &RecordingTopic,
         payload: &[u8],
     ) -> Result<(), RecordingError> {
-        let channel = if let Some(&known) = self.streams.get(topic) {
-            known
+        let RecordingTopic {
+            topic: name,
+            message_type,
+            encoding,
+        } = topic;
+        let converted = message_type.to_cdr(*encoding, payload);
+        let payload = converted.map_err(|source| RecordingError::Message {
+            path: self.file.path().to_owned(),
+            topic: name.clone(),
+            source,
+        })?;
+        let known = self.streams.iter().find(|stream| {
+            let (topic, of, _) = stream;
+            topic == name && of == message_type
+        });
+        let channel = if let Some((_, _, known)) = known {
+            *known
         } else {
-            let RecordingTopic {
-                topic: name,
-                message_type,
-                encoding,
-            } = topic;
-            let added = self.file.ros_channel(name, *message_type, *encoding)?;
-            self.streams.insert(topic.clone(), added);
+            let added = self.file.stream(name, *message_type)?;
+            self.streams.push((name.clone(), *message_type, added));
             added
         };
-        self.file.write(channel, [stamp_ns; 2], payload)
+        self.file.write(channel, [stamp_ns; 2], &payload)
     }
 
     /// Writes the pose of a frame in another, from `stamp_ns` on.
@@ -113,22 +128,44 @@ impl<W: Write> RobotWriter<W> {
     ) -> Result<(), RecordingError> {
         let Pose2 { x_m, y_m, yaw_rad } = child_in_parent;
         let (z, w) = (0.5 * yaw_rad).sin_cos();
-        let transform = json!({
-            "timestamp": time(stamp_ns),
-            "parent_frame_id": parent,
-            "child_frame_id": child,
-            "translation": { "x": x_m, "y": y_m, "z": 0.0 },
-            "rotation": { "x": 0.0, "y": 0.0, "z": z, "w": w },
-        });
-        self.write_json(self.transforms, stamp_ns, &transform)
+        let transform = Transform {
+            translation: Vector3 {
+                x: x_m,
+                y: y_m,
+                z: 0.0,
+            },
+            rotation: Quaternion {
+                x: 0.0,
+                y: 0.0,
+                z,
+                w,
+            },
+        };
+        let transforms = vec![TransformStamped {
+            header: header(stamp_ns, parent),
+            child_frame_id: child.to_owned(),
+            transform,
+        }];
+        self.write(self.transforms, stamp_ns, &TfMessage { transforms })
     }
 
     /// Writes the estimate at a time.
     ///
     /// # Errors
     /// When it can't be written.
-    pub fn estimate(&mut self, stamp_ns: i64, estimate: &Value) -> Result<(), RecordingError> {
-        self.write_json(self.estimates, stamp_ns, estimate)
+    pub fn estimate(
+        &mut self,
+        stamp_ns: i64,
+        frame: &str,
+        parameters: Vec<ParameterEstimate>,
+        document: String,
+    ) -> Result<(), RecordingError> {
+        let estimate = Estimate {
+            header: header(stamp_ns, frame),
+            parameters,
+            document,
+        };
+        self.write(self.estimates, stamp_ns, &estimate)
     }
 
     /// Writes an event, as a warning.
@@ -136,15 +173,14 @@ impl<W: Write> RobotWriter<W> {
     /// # Errors
     /// When it can't be written.
     pub fn event(&mut self, stamp_ns: i64, words: &str) -> Result<(), RecordingError> {
-        let log = json!({
-            "timestamp": time(stamp_ns),
-            "level": LEVEL_WARNING,
-            "message": words,
-            "name": "fleetcal",
-            "file": "",
-            "line": 0,
-        });
-        self.write_json(self.events, stamp_ns, &log)
+        let log = Log {
+            stamp: time(stamp_ns),
+            level: Log::WARN,
+            name: "fleetcal".to_owned(),
+            msg: words.to_owned(),
+            ..Log::default()
+        };
+        self.write(self.events, stamp_ns, &log)
     }
 
     /// Writes the number of messages that are missing because they came faster than they were
@@ -165,53 +201,24 @@ impl<W: Write> RobotWriter<W> {
         Ok(self.file.finish()?.into_inner())
     }
 
-    fn write_json(
+    fn write(
         &mut self,
         channel: u16,
         stamp_ns: i64,
-        value: &Value,
+        message: &impl RosMessage,
     ) -> Result<(), RecordingError> {
-        let json = value.to_string();
-        self.file.write(channel, [stamp_ns; 2], json.as_bytes())
+        self.file.write(channel, [stamp_ns; 2], &message.to_cdr())
     }
 }
 
-/// Foxglove's level of a warning.
-const LEVEL_WARNING: u8 = 3;
-
-fn time(stamp_ns: i64) -> Value {
-    let second = 1_000_000_000;
-    json!({ "sec": stamp_ns.div_euclid(second), "nsec": stamp_ns.rem_euclid(second) })
+/// Returns the ROS stamp of a message time; 1970 outside the years that a ROS stamp can represent.
+fn time(stamp_ns: i64) -> Time {
+    Time::from_ns(stamp_ns).unwrap_or_default()
 }
 
-fn time_schema() -> Value {
-    let whole = json!({ "type": "integer" });
-    json!({ "type": "object", "title": "time", "properties": { "sec": whole, "nsec": whole } })
-}
-
-fn numbers(names: &[&str]) -> Value {
-    let number = |name: &&str| ((*name).to_owned(), json!({ "type": "number" }));
-    let properties: serde_json::Map<String, Value> = names.iter().map(number).collect();
-    json!({ "type": "object", "properties": properties })
-}
-
-fn transform_schema() -> Value {
-    json!({ "title": "foxglove.FrameTransform", "type": "object", "properties": {
-        "timestamp": time_schema(),
-        "parent_frame_id": { "type": "string" },
-        "child_frame_id": { "type": "string" },
-        "translation": numbers(&["x", "y", "z"]),
-        "rotation": numbers(&["x", "y", "z", "w"]),
-    }})
-}
-
-fn log_schema() -> Value {
-    json!({ "title": "foxglove.Log", "type": "object", "properties": {
-        "timestamp": time_schema(),
-        "level": { "type": "integer" },
-        "message": { "type": "string" },
-        "name": { "type": "string" },
-        "file": { "type": "string" },
-        "line": { "type": "integer" },
-    }})
+fn header(stamp_ns: i64, frame: &str) -> Header {
+    Header {
+        stamp: time(stamp_ns),
+        frame_id: frame.to_owned(),
+    }
 }

@@ -221,7 +221,10 @@ const WHEEL_ODOMETRY: Wanted = Wanted {
     what: "wheel odometry",
     flag: "--wheel-odometry-topic",
     accepted: MessageType::OF_WHEEL_ODOMETRY,
-    found: &[MessageType::AckermannDriveStamped],
+    found: &[
+        MessageType::AckermannDriveStamped,
+        MessageType::DriveSamples,
+    ],
 };
 const STEERING: Wanted = Wanted {
     what: "steering",

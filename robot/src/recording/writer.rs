@@ -6,7 +6,6 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use fleetcal_proto::RobotId;
-use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, PoseStamped, RosMessage};
 
@@ -35,7 +34,7 @@ impl RecordingWriter {
         let mut file = McapFile::create(path)?;
         let mut channel = |stream: &str, of| {
             let topic = format!("/{robot}/{stream}");
-            file.ros_channel(&topic, of, Encoding::Cdr)
+            file.stream(&topic, of)
         };
         Ok(Self {
             wheel_odometry: channel("wheel_odometry", MessageType::AckermannDriveStamped)?,

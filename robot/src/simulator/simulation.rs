@@ -39,6 +39,26 @@ enum LidarSource {
     },
 }
 
+impl LidarSource {
+    /// Leaves out all messages that are due at a time from the start; returns their number.
+    fn skip(&mut self, now_ns: i64) -> u64 {
+        let (next_ns, period_ns, duration_ns) = match self {
+            Self::Scans {
+                settings, next_ns, ..
+            } => (next_ns, settings.period_ns(), settings.duration_ns()),
+            Self::Poses {
+                period_ns, next_ns, ..
+            } => (next_ns, *period_ns, 0),
+        };
+        let mut skipped = 0;
+        while *next_ns + duration_ns <= now_ns {
+            *next_ns += period_ns;
+            skipped += 1;
+        }
+        skipped
+    }
+}
+
 /// One simulated robot. [`Simulation::advance`] never ends.
 #[derive(Debug)]
 pub struct Simulation {
@@ -104,6 +124,19 @@ impl Simulation {
         }
     }
 
+    /// Drives on to a stamp without casting a beam, and returns the number of messages that are left
+    /// out: many times faster than [`Self::advance`].
+    pub fn pass(&mut self, until_ns: i64) -> u64 {
+        let mut left_out = 0;
+        while self.stamp_ns() < until_ns {
+            self.drive();
+            left_out += self.lidar.skip(self.now_ns);
+            self.sense_drive();
+            left_out += self.ready.drain(..).count() as u64;
+        }
+        left_out
+    }
+
     /// Returns all messages of the next `duration_s`, ordered by their stamps.
     pub fn run(&mut self, duration_s: f64) -> Vec<Emitted> {
         let end_ns = self.stamp_ns() + (duration_s * 1e9) as i64;
@@ -148,6 +181,25 @@ impl Simulation {
     }
 
     fn step(&mut self) {
+        self.drive();
+        self.sense_lidar();
+        self.sense_drive();
+        if self.now_ns % CROSS_TRACK_ERROR_NS == 0 {
+            let value_m = self.controller.believed_left_m();
+            let error = CrossTrackError {
+                stamp_ns: self.now_ns,
+                value_m,
+            };
+            self.emit(
+                SimulatedMessage::CrossTrackError(error),
+                self.now_ns,
+                self.now_ns,
+            );
+        }
+    }
+
+    /// Moves the vehicle on by a step.
+    fn drive(&mut self) {
         self.change_vehicle();
         if self.now_ns % CONTROL_NS == 0 {
             self.control();
@@ -164,20 +216,6 @@ impl Simulation {
             speed_mps: self.motion.speed_mps,
             steering_rad: self.motion.steering_rad,
         });
-        self.sense_lidar();
-        self.sense_drive();
-        if self.now_ns % CROSS_TRACK_ERROR_NS == 0 {
-            let value_m = self.controller.believed_left_m();
-            let error = CrossTrackError {
-                stamp_ns: self.now_ns,
-                value_m,
-            };
-            self.emit(
-                SimulatedMessage::CrossTrackError(error),
-                self.now_ns,
-                self.now_ns,
-            );
-        }
     }
 
     fn control(&mut self) {

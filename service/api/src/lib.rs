@@ -41,11 +41,12 @@ use fleetcal_fleet::FleetHandle;
 use fleetcal_http::{Connections, Exports, host};
 use fleetcal_metrics::RequestDurations;
 use fleetcal_model::WallTime;
+use fleetcal_moments::Moments;
 use fleetcal_operations::alert_evaluator::AlertEvaluator;
 use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_operations::peers::Peers;
 use fleetcal_operations::webhook_dispatcher::WebhookDispatcher;
-use fleetcal_requests::{etag, extract, listing, page, problem, time};
+use fleetcal_requests::{cookie, etag, extract, listing, page, password, problem, time};
 use fleetcal_store::Store;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
@@ -87,6 +88,8 @@ pub struct ApiSetup {
     pub evaluator: AlertEvaluator,
     /// Dispatcher of webhook messages.
     pub dispatcher: WebhookDispatcher,
+    /// Moments of the robots.
+    pub moments: Moments,
     /// Store of all records.
     pub store: Store,
     /// Clock of the service.
@@ -116,6 +119,7 @@ struct ApiState {
     lifecycle: Lifecycle,
     evaluator: AlertEvaluator,
     dispatcher: WebhookDispatcher,
+    moments: Moments,
     store: Store,
     clock: SharedClock,
     link_open: watch::Receiver<bool>,
@@ -142,6 +146,7 @@ impl ApiState {
             lifecycle: setup.lifecycle,
             evaluator: setup.evaluator,
             dispatcher: setup.dispatcher,
+            moments: setup.moments,
             store: setup.store,
             clock: setup.clock,
             link_open: setup.link_open,
@@ -179,7 +184,6 @@ impl ApiState {
         live_event::LiveEvent,
         fleetcal_proto::audit_head::AuditHeadDocument,
         fleetcal_proto::certificate::CertificateDocument,
-        robots::SortSchema,
     )),
 )]
 struct Document;

@@ -88,6 +88,8 @@ struct Snapshot {
     transactions: [(&'static str, Histogram); 2],
     /// Times of the estimators for a scan.
     scans: Histogram,
+    /// Times from a scan's arrival until it is processed.
+    scan_latencies: Histogram,
     /// Durations of requests.
     requests: RequestDurations,
     alerts: BTreeMap<(AlertKind, ConditionName), u64>,
@@ -123,7 +125,11 @@ impl Snapshot {
             }
         }
         let own = robots.iter().filter(|robot| api.membership.has(&robot.id));
-        let own: Vec<_> = own.map(RobotFigures::of).collect();
+        let own = own.map(|robot| {
+            let ledger = api.lifecycle.ledger(&robot.id);
+            RobotFigures::of(robot, standings.deviation(robot, &ledger))
+        });
+        let own: Vec<_> = own.collect();
         let snapshot = Self {
             build: api.build,
             started_s: api.started_ns.0 as f64 / 1e9,
@@ -137,6 +143,7 @@ impl Snapshot {
             store: api.store.counters(),
             transactions: api.store.transaction_durations(),
             scans: api.fleet.scan_durations(),
+            scan_latencies: api.fleet.scan_latencies(),
             requests: api.durations.clone(),
             alerts: api.evaluator.counts(),
             dispatcher: api.dispatcher.counters(),
@@ -250,6 +257,10 @@ impl Snapshot {
         let kind = MetricType::Histogram;
         let name = "fleetcal_estimator_scan_duration_seconds";
         self.scans
+            .encode(out.encode_descriptor(name, help, None, kind)?)?;
+        let help = "Time from a scan's arrival until it is processed";
+        let name = "fleetcal_scan_latency_seconds";
+        self.scan_latencies
             .encode(out.encode_descriptor(name, help, None, kind)?)
     }
 

@@ -274,7 +274,12 @@ pub fn ask_for_joints(
     };
     let is_asked =
         asked.wheel_odometry.is_some() || asked.steering.is_some() || asked.speed.is_some();
-    if is_asked || !of(MessageType::AckermannDriveStamped).is_empty() {
+    let measured = [
+        MessageType::AckermannDriveStamped,
+        MessageType::DriveSamples,
+    ]
+    .map(of);
+    if is_asked || measured.iter().any(|all| !all.is_empty()) {
         return Ok(asked);
     }
     let (mut whole, mut steering) = (Vec::new(), Vec::new());

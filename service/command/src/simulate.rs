@@ -11,8 +11,8 @@ use fleetcal_proto::signing::{PublicKey, TrustedKeys};
 use fleetcal_proto::{KeyRoot, Keys, endpoint};
 use fleetcal_robot::Connection;
 use fleetcal_robot::fleet::{
-    FleetOptions, RobotSummary, START_STAMP_S, SimulatedRobot, record_wrong, run_fleet,
-    simulated_robots, truth_path,
+    DriveMessages, FleetOptions, RobotSummary, START_STAMP_S, SimulatedRobot, record_wrong,
+    run_fleet, simulated_robots, truth_path,
 };
 use fleetcal_robot::simulator::{Imperfections, WrongInput};
 use tokio_util::sync::CancellationToken;
@@ -84,6 +84,10 @@ pub struct Arguments {
     /// Seconds that pass for the robots in one of real time
     #[arg(long, value_name = "TIMES", default_value_t = NonZeroU32::MIN, conflicts_with = "record")]
     pub rate: NonZeroU32,
+    /// Send each drive sample in a message of its own, as ROS 2 robots do, instead of up to 100 ms
+    /// of them in one
+    #[arg(long, conflicts_with = "record")]
+    pub single_samples: bool,
     /// Imperfections of the robots that the estimator's model does not cover, in the form of
     /// examples/imperfections.toml; a recording's truth file names it
     #[arg(long, value_name = "FILE")]
@@ -217,6 +221,11 @@ async fn drive(
         trusted,
         start_stamp_ns: clock.now().0,
         rate: arguments.rate,
+        drive_messages: if arguments.single_samples {
+            DriveMessages::Single
+        } else {
+            DriveMessages::Several
+        },
     };
     let stop = CancellationToken::new();
     let fleet = run_fleet(options, stop.clone());

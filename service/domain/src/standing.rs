@@ -3,14 +3,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use fleetcal_model::{ParameterStatus, WallTime};
+use fleetcal_model::ParameterStatus;
 use fleetcal_proto::RobotId;
-use fleetcal_proto::calibration::CalibrationValues;
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
 use crate::alert::{Alert, AlertKind, ConditionName};
-use crate::approval::{DeploymentState, RobotLedger, Tolerance, difference};
+use crate::approval::{DeploymentState, RobotLedger, Tolerance};
+use crate::deviation::parts;
 use crate::robot::{RobotState, RobotView};
 
 /// Standing of a robot, the most urgent first; if several apply, the first in this list is
@@ -55,8 +55,6 @@ pub enum Standing {
     NotApplied,
     /// Calibration in use that differs from the expected one.
     OutOfSync,
-    /// Configured robot that sends no data.
-    NoData,
     /// Failure of a sensor or of the LiDAR odometry.
     Fault,
     /// Robot that sends data, without a configured vehicle.
@@ -68,6 +66,9 @@ pub enum Standing {
     /// Estimate outside the tolerance around the values in use, without proof, or not yet, that
     /// they have drifted.
     Uncalibrated,
+    /// Configured robot of which nothing is known, since it has sent nothing. A robot that falls
+    /// silent keeps its standing: its connection says that it is silent.
+    NoData,
     /// Parameters that have not converged.
     Learning,
     /// Convergence of all observable parameters.
@@ -88,11 +89,9 @@ impl Standing {
         name.parse().ok()
     }
 
-    const fn of_state(state: RobotState, in_maintenance: bool) -> Self {
+    const fn of_state(state: RobotState) -> Self {
         match state {
             RobotState::Unregistered => Self::Unregistered,
-            // One that is switched off on purpose is not missed.
-            RobotState::NoData if in_maintenance => Self::Learning,
             RobotState::NoData => Self::NoData,
             RobotState::Failed => Self::EstimatorFailed,
             RobotState::Changed => Self::Drift,
@@ -119,8 +118,8 @@ impl Standing {
         }
     }
 
-    /// Standing of a robot with an alert of this kind; `None` for a kind that does not concern one
-    /// robot.
+    /// Standing of a robot with an alert of this kind; `None` for a kind that concerns its
+    /// connection, or no single robot.
     const fn of_alert(kind: AlertKind) -> Option<Self> {
         Some(match kind {
             AlertKind::RollbackFailed => Self::RollbackFailed,
@@ -133,10 +132,10 @@ impl Standing {
             AlertKind::NoInstance => Self::NoInstance,
             AlertKind::NotApplied => Self::NotApplied,
             AlertKind::OutOfSync => Self::OutOfSync,
-            AlertKind::NoData => Self::NoData,
             AlertKind::Fault => Self::Fault,
             AlertKind::Uncalibrated => Self::Uncalibrated,
-            AlertKind::RoutersCut
+            AlertKind::NoData
+            | AlertKind::RoutersCut
             | AlertKind::ConfigurationsDiffer
             | AlertKind::ClockOff
             | AlertKind::SessionsFull => {
@@ -196,20 +195,12 @@ pub struct StandingBasis {
 
 impl StandingBasis {
     /// Standing of a robot by its view and its records. `propose_beyond` is the tolerance of the
-    /// policy, `now` wall time.
-    pub fn of(
-        view: &RobotView,
-        ledger: &RobotLedger,
-        propose_beyond: &Tolerance,
-        now: WallTime,
-    ) -> Self {
-        let shadow = &ledger.shadow;
-        let maintenance = shadow.maintenance.as_ref();
-        let in_maintenance = maintenance.is_some_and(|one| one.holds_at(now));
+    /// policy.
+    pub fn of(view: &RobotView, ledger: &RobotLedger, propose_beyond: &Tolerance) -> Self {
         let deployment = ledger.live.as_ref();
         let verdict = deployment.and_then(|live| live.verification);
         let so = [
-            Some(Standing::of_state(view.state, in_maintenance)),
+            Some(Standing::of_state(view.state)),
             deployment.and_then(|live| Standing::of_deployment(live.state)),
             verdict
                 .filter(|verdict| !verdict.within)
@@ -246,47 +237,14 @@ impl StandingBasis {
 /// True if a part of the last estimate is outside the tolerance around the values in use, or there
 /// is no estimate.
 fn is_beyond(view: &RobotView, ledger: &RobotLedger, tolerance: &Tolerance) -> bool {
-    view.estimate.is_none() || any_part(view, ledger, tolerance, |_| true)
+    let mut parts = parts(view, ledger, tolerance).into_iter().flatten();
+    view.estimate.is_none() || parts.any(|part| part.is_beyond())
 }
 
 /// True if a known value is outside the tolerance around the values in use.
 fn is_off(view: &RobotView, ledger: &RobotLedger, tolerance: &Tolerance) -> bool {
-    any_part(view, ledger, tolerance, |status| {
-        status == ParameterStatus::Converged
-    })
-}
-
-/// True if one of the four values that `counts` by its status is outside the tolerance around the
-/// values in use.
-fn any_part(
-    view: &RobotView,
-    ledger: &RobotLedger,
-    tolerance: &Tolerance,
-    counts: impl Fn(ParameterStatus) -> bool,
-) -> bool {
-    let (Some(estimate), Some(in_use)) = (view.estimate.as_deref(), &ledger.shadow.in_use) else {
-        return false;
-    };
-    let parameters = &estimate.parameters;
-    let four = [
-        &parameters.steering_offset,
-        &parameters.lidar_x,
-        &parameters.lidar_y,
-        &parameters.lidar_yaw,
-    ];
-    let [steering_offset_rad, lidar_x_m, lidar_y_m, lidar_yaw_rad] = four.map(|one| one.value);
-    let estimated = CalibrationValues {
-        steering_offset_rad,
-        lidar_x_m,
-        lidar_y_m,
-        lidar_yaw_rad,
-        ..CalibrationValues::default()
-    };
-    let change = difference(&in_use.values, &estimated);
-    let parts = four.iter().zip(change).zip(tolerance.limits());
-    parts
-        .filter(|((one, _), _)| counts(one.status))
-        .any(|((_, part), limit)| part.abs() > limit)
+    let mut parts = parts(view, ledger, tolerance).into_iter().flatten();
+    parts.any(|part| part.status == ParameterStatus::Converged && part.is_beyond())
 }
 
 #[cfg(test)]

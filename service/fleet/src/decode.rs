@@ -13,8 +13,8 @@ use fleetcal_proto::encoding::DecodeError;
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_proto::message_type::{Form, MessageType};
 use fleetcal_proto::ros::{
-    AckermannDriveStamped, Header, LaserScan, Odometry, PointCloud2, Pose, Quaternion, RosMessage,
-    ScanRefused,
+    AckermannDriveStamped, DriveSamples, Header, LaserScan, MeasuredDrive, Odometry, PointCloud2,
+    Pose, Quaternion, RosMessage, ScanRefused,
 };
 use nalgebra::Matrix3;
 use thiserror::Error;
@@ -47,6 +47,14 @@ pub enum MessageRefused {
     Field {
         /// Stream of the message.
         stream: Stream,
+        /// Fault of the field.
+        source: FieldRefused,
+    },
+    /// A drive sample among several holds an impossible value.
+    #[error("wheel_odometry: samples[{index}]: {source}")]
+    Sample {
+        /// Place of the sample in its message.
+        index: usize,
         /// Fault of the field.
         source: FieldRefused,
     },
@@ -191,6 +199,20 @@ pub fn drive_sample(message: &AckermannDriveStamped) -> Result<DriveSample, Mess
         stream: Stream::WheelOdometry,
         source,
     })
+}
+
+/// Extracts the drive samples from their message, in the order of their stamps.
+///
+/// # Errors
+/// Names the field of the sample that holds an impossible value.
+pub fn drive_samples(message: &DriveSamples) -> Result<Vec<DriveSample>, MessageRefused> {
+    let sample = |(index, measured): (usize, &MeasuredDrive)| {
+        let stamp = RobotTime(measured.stamp.as_ns());
+        let (speed_mps, steering_rad) = (measured.speed.into(), measured.steering_angle.into());
+        DriveSample::new(stamp, speed_mps, steering_rad)
+            .map_err(|source| MessageRefused::Sample { index, source })
+    };
+    message.samples().iter().enumerate().map(sample).collect()
 }
 
 /// Restores the drive sample that the sensors measured, for a robot that applies `values` before it

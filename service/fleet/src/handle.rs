@@ -2,6 +2,7 @@
 
 mod cluster;
 mod descriptions;
+mod recorded;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::Ordering;
@@ -40,7 +41,6 @@ use crate::peers::PeerSessions;
 use crate::registry::{Counts, Fleet, FleetCounters, Step, new_robot, scan_durations};
 use crate::robot::{Configured, Robot};
 use crate::senders::Origin;
-use crate::tap::TapReader;
 use crate::watch;
 
 /// Form and origin of a message on arrival.
@@ -151,6 +151,7 @@ impl FleetHandle {
             descriptions: Descriptions::default(),
             peers: PeerSessions::default(),
             scan_durations: scan_durations(),
+            scan_latencies: scan_durations(),
             tasks: TaskTracker::new(),
             configured: watch_channel::Sender::new(0),
             membership: setup.membership,
@@ -378,23 +379,6 @@ impl FleetHandle {
         }
     }
 
-    /// Opens a reader of the robot's session from now on.
-    ///
-    /// # Errors
-    /// The robot is unknown, unregistered and so without an estimator, or estimated by another
-    /// instance.
-    pub fn tap(&self, id: &RobotId) -> Result<TapReader, FleetRefused> {
-        let unknown = || FleetRefused::UnknownRobot(id.clone());
-        let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
-        if !robot.is_configured() {
-            return Err(FleetRefused::Unregistered(id.clone()));
-        }
-        if !robot.is_here() {
-            return Err(FleetRefused::Elsewhere(id.clone()));
-        }
-        Ok(robot.taps.open())
-    }
-
     /// Subscribes to live updates from now on. A listener that lags by more than
     /// [`limits::LIVE_UPDATES_MAX`] receives the number that it lost.
     pub fn live(&self) -> broadcast::Receiver<LiveUpdate> {
@@ -426,6 +410,12 @@ impl FleetHandle {
     /// Returns the histogram of the estimators' durations for a scan, over all robots.
     pub fn scan_durations(&self) -> Histogram {
         self.fleet.scan_durations.clone()
+    }
+
+    /// Returns the histogram of the times from a scan's arrival until it is processed, over all
+    /// robots.
+    pub fn scan_latencies(&self) -> Histogram {
+        self.fleet.scan_latencies.clone()
     }
 
     /// Returns the ids of all robots.

@@ -19,11 +19,11 @@ use crate::sighting::Sighting;
 /// Result of reading one message.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Taken {
-    /// Its header stamp.
+    /// Its header stamp, or that of the last drive sample in it.
     pub stamp: RobotTime,
     /// Hash of its bytes.
     pub content: u64,
-    /// Steering angle in the message, rad.
+    /// Steering angle in the message, rad; of several the last.
     pub steering_rad: Option<f64>,
     /// Events for the estimator; half of a drive sample may complete none or several.
     pub events: Vec<Decoded>,
@@ -84,6 +84,15 @@ impl Intake {
                 }
                 (decoded.stamp, steering_rad, vec![decoded])
             }
+            Reading::Samples(samples) => {
+                for sample in &samples {
+                    self.steering.take(sample);
+                }
+                let last = samples.last();
+                let stamp = last.map_or(RobotTime(0), DriveSample::stamp);
+                let steering_rad = last.map(DriveSample::steering_rad);
+                (stamp, steering_rad, decoded(samples))
+            }
             Reading::Steering(angle) => {
                 self.steering.take_angle(angle.value, self.speed_mps);
                 let samples = self.pairing.take_steering(angle);
@@ -135,7 +144,7 @@ impl Intake {
     }
 }
 
-/// Wraps the drive samples that a half has completed.
+/// Wraps the drive samples of a message, or those that a half has completed.
 fn decoded(samples: Vec<DriveSample>) -> Vec<Decoded> {
     let event = |sample: DriveSample| Decoded {
         stamp: sample.stamp(),

@@ -7,8 +7,9 @@ use fleetcal_domain::robot::{
     CheckFinding, CheckState, CheckedStream, ChecksReport, LeftOut, RobotConfig,
 };
 use fleetcal_estimator::lidar_odometry::OdometryPose;
-use fleetcal_estimator::{Event, Scan};
+use fleetcal_estimator::{Event, RobotTime, Scan};
 use fleetcal_model::Stream;
+use fleetcal_proto::ros::MeasuredDrive;
 
 use crate::decode::MessageRefused;
 use crate::intake::Taken;
@@ -90,14 +91,31 @@ impl<C: Inputs> JoiningChecks<C> {
             frame,
             arrival_ns,
         };
-        match *content {
-            Sighted::Wheels { speed, steering } => self.checks.take_wheels(&head, speed, steering),
-            Sighted::Scan { scan_time_s } => {
+        match content {
+            &Sighted::Wheels { speed, steering } => {
+                self.checks.take_wheels(&head, speed, steering);
+            }
+            Sighted::Samples(samples) => self.take_samples(&head, samples),
+            &Sighted::Scan { scan_time_s } => {
                 if let Some(scan) = taken.as_ref().ok().and_then(scan_of) {
                     self.checks.take_scan(&head, scan, scan_time_s);
                 }
             }
-            Sighted::Pose { pose, tilt_rad } => self.checks.take_pose(&head, pose, tilt_rad),
+            &Sighted::Pose { pose, tilt_rad } => self.checks.take_pose(&head, pose, tilt_rad),
+        }
+    }
+
+    /// Takes the drive samples of one message, each as if it had been sent when it was measured.
+    fn take_samples(&mut self, message: &Head<'_>, samples: &[MeasuredDrive]) {
+        for sample in samples {
+            let stamp = RobotTime(sample.stamp.as_ns());
+            let head = Head {
+                stamp,
+                arrival_ns: message.arrival_ns - message.stamp.0 + stamp.0,
+                ..*message
+            };
+            let (speed, steering) = (sample.speed.into(), sample.steering_angle.into());
+            self.checks.take_wheels(&head, Some(speed), Some(steering));
         }
     }
 

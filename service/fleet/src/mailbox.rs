@@ -1,8 +1,9 @@
 //! A robot's bounded mailbox: one queue in the order of arrival, dropped in a fixed order.
 //!
 //! At most [`fleetcal_domain::limits::MAILBOX_SCANS_MAX`] scans wait; a further one pushes the
-//! oldest out. A drive sample that finds the mailbox full pushes out the oldest scan, and only when
-//! there is none the oldest drive sample. Nothing is lost without being counted.
+//! oldest out. Before that, a robot whose scans wait has an even share of them ([`thinning`]). A
+//! drive sample that finds the mailbox full pushes out the oldest scan, and only when there is none
+//! the oldest drive sample. Nothing is lost without being counted.
 //!
 //! Where several instances carry the fleet, a robot's messages are kept for a task that is to begin
 //! here while another instance still has the robot; more of them, since nobody works them off.
@@ -11,13 +12,14 @@ mod heard;
 mod message;
 #[cfg(test)]
 mod tests;
+mod thinning;
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use fleetcal_domain::limits::{
     HEARD_BYTES_MAX, MAILBOX_NOTES_MAX, MAILBOX_SCANS_MAX, MAILBOX_WHEEL_ODOMETRY_MAX,
-    REFUSAL_CHARS_MAX, TASK_ROUND_SCANS_MAX, TASK_ROUND_WHEEL_ODOMETRY_MAX,
+    REFUSAL_CHARS_MAX, TASK_ROUND_WHEEL_ODOMETRY_MAX,
 };
 use fleetcal_domain::robot::Counters;
 use fleetcal_model::Stream;
@@ -25,6 +27,7 @@ use fleetcal_proto::progress::Progress;
 use tokio::sync::Notify;
 
 use heard::{Class, Heard};
+use thinning::Thinning;
 
 use crate::notes::Noted;
 
@@ -40,6 +43,7 @@ struct Queue {
     wheel_odometry: usize,
     scans: usize,
     notes: usize,
+    thinning: Thinning,
     /// Part of `items` that was received before the task began.
     heard: Heard,
     in_hand: Option<InHand>,
@@ -74,13 +78,6 @@ fn is_scan(item: &Item) -> bool {
     )
 }
 
-fn is_wheel_odometry(item: &Item) -> bool {
-    matches!(
-        item,
-        Item::Message(Message { stream, .. }) if stream.is_wheel_odometry()
-    )
-}
-
 impl Queue {
     fn drop_oldest_scan(&mut self) {
         if let Some(at) = self.items.iter().position(is_scan) {
@@ -91,19 +88,18 @@ impl Queue {
     }
 
     fn drop_oldest_wheel_odometry(&mut self) {
-        if let Some(at) = self.items.iter().position(is_wheel_odometry) {
-            self.items.remove(at);
+        let at = self.items.iter().position(Item::is_wheel_odometry);
+        if let Some(Item::Message(message)) = at.and_then(|at| self.items.remove(at)) {
             self.wheel_odometry -= 1;
             self.counters.dropped_wheel_odometry += 1;
+            self.counters.dropped_drive_samples += message.drive_samples();
             self.progress.dropped += 1;
         }
     }
 
     /// True if the waiting items are to be processed at once.
     fn is_pressing(&self) -> bool {
-        self.notes > 0
-            || self.scans > TASK_ROUND_SCANS_MAX
-            || self.wheel_odometry > TASK_ROUND_WHEEL_ODOMETRY_MAX
+        self.notes > 0 || self.scans > 0 || self.wheel_odometry > TASK_ROUND_WHEEL_ODOMETRY_MAX
     }
 
     fn count_dropped_scan(&mut self) {
@@ -127,6 +123,10 @@ impl Queue {
     }
 
     fn push_scan(&mut self, message: Message) {
+        if !self.thinning.accepts(self.scans) {
+            self.count_dropped_scan();
+            return;
+        }
         if self.scans >= MAILBOX_SCANS_MAX {
             self.drop_oldest_scan();
         }
@@ -407,6 +407,11 @@ impl Mailbox {
         }
     }
 
+    /// True if part of the scans is left out, because the task is behind.
+    pub fn is_thinning(&self) -> bool {
+        self.lock().thinning.is_thinning()
+    }
+
     /// Returns the progress of the task.
     pub fn progress(&self) -> Progress {
         self.lock().progress
@@ -469,8 +474,12 @@ impl Mailbox {
 impl Queue {
     fn count_outcome(&mut self, stream: Stream, outcome: Outcome) {
         match outcome {
-            Outcome::Processed { stamp_ns } => {
+            Outcome::Processed {
+                stamp_ns,
+                drive_samples,
+            } => {
                 self.counters.processed += 1;
+                self.counters.drive_samples += drive_samples;
                 self.progress.stamp_ns = self.progress.stamp_ns.max(stamp_ns);
                 match stream {
                     Stream::WheelOdometry | Stream::Steering | Stream::Speed => {

@@ -12,11 +12,13 @@ pub enum SessionClosed {
     Full,
     /// A session of an owner with fewer got its place.
     MadeRoom,
+    /// The process holds more memory than it may.
+    Memory,
 }
 
 impl SessionClosed {
     /// All reasons.
-    pub const ALL: [Self; 3] = [Self::Share, Self::Full, Self::MadeRoom];
+    pub const ALL: [Self; 4] = [Self::Share, Self::Full, Self::MadeRoom, Self::Memory];
 
     /// Returns its name in metrics.
     pub fn name(self) -> &'static str {
@@ -24,6 +26,7 @@ impl SessionClosed {
             Self::Share => "share",
             Self::Full => "full",
             Self::MadeRoom => "made_room",
+            Self::Memory => "memory",
         }
     }
 }

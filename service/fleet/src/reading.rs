@@ -7,8 +7,8 @@ use fleetcal_model::Stream;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::message_type::{Form, MessageType};
 use fleetcal_proto::ros::{
-    AckermannDriveStamped, Header, JointState, LaserScan, Odometry, PointCloud2, PoseStamped,
-    RosMessage, TwistStamped,
+    AckermannDriveStamped, DriveSamples, Header, JointState, LaserScan, Odometry, PointCloud2,
+    PoseStamped, RosMessage, TwistStamped,
 };
 
 use crate::decode::{self, Decoded, MessageRefused};
@@ -58,6 +58,8 @@ pub struct Half {
 pub enum Reading {
     /// Complete content for the estimator.
     Whole(Decoded),
+    /// Drive samples in the order of their stamps, at least one.
+    Samples(Vec<DriveSample>),
     /// A steering angle that waits for its speed.
     Steering(Half),
     /// A speed that waits for its steering angle.
@@ -91,6 +93,9 @@ pub fn read(
         (Stream::Speed, Some(of)) => message.speed(of).map(Reading::Speed),
         (Stream::WheelOdometry, Some(MessageType::JointState)) => {
             message.drive().map(Reading::Whole)
+        }
+        (Stream::WheelOdometry, Some(MessageType::DriveSamples)) => {
+            decode::drive_samples(&message.decoded()?).map(Reading::Samples)
         }
         (Stream::LidarOdometry, Some(MessageType::PoseStamped)) => {
             message.pose().map(Reading::Whole)
@@ -215,11 +220,22 @@ impl Message<'_> {
                 let (header, speed) = self.sent_speed(of)?;
                 Sighting::of_wheels(&header, Some(speed), None)
             }
-            Stream::WheelOdometry => {
-                let (header, steering) = self.sent_steering(of)?;
-                let (_, speed) = self.sent_speed(of)?;
-                Sighting::of_wheels(&header, Some(speed), Some(steering))
+            Stream::WheelOdometry if of == MessageType::DriveSamples => {
+                let message: DriveSamples = self.decoded()?;
+                Sighting::of_samples(message.samples())
             }
+            Stream::WheelOdometry if of == MessageType::JointState => {
+                let message: JointState = self.decoded()?;
+                let (speed, steering) = (self.speed_of(&message)?, self.steering_of(&message)?);
+                Sighting::of_wheels(&message.header, Some(speed), Some(steering))
+            }
+            Stream::WheelOdometry if of == MessageType::AckermannDriveStamped => {
+                let message: AckermannDriveStamped = self.decoded()?;
+                let drive = message.drive;
+                let (speed, steering) = (drive.speed.into(), drive.steering_angle.into());
+                Sighting::of_wheels(&message.header, Some(speed), Some(steering))
+            }
+            Stream::WheelOdometry => return Err(MessageRefused::of_type(self.stream, of)),
             Stream::Scan if of == MessageType::LaserScan => {
                 let message: LaserScan = self.decoded()?;
                 let scan_time_s = f64::from(message.scan_time);

@@ -20,6 +20,7 @@ use tokio_util::task::TaskTracker;
 use crate::descriptions::Descriptions;
 use crate::left_out::LeftOutReason;
 use crate::live::LiveUpdate;
+use crate::mailbox::Message;
 use crate::peers::PeerSessions;
 use crate::robot::Robot;
 
@@ -29,7 +30,7 @@ const SCAN_BUCKETS_S: [f64; 10] = [
     0.0005, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.1, 0.5,
 ];
 
-/// Makes the empty histogram of the estimators' durations for a scan.
+/// Makes an empty histogram of durations for a scan.
 pub(super) fn scan_durations() -> Histogram {
     Histogram::new(SCAN_BUCKETS_S)
 }
@@ -104,6 +105,8 @@ pub(crate) struct Fleet {
     pub(super) peers: PeerSessions,
     /// Durations of the estimators for a scan.
     pub(super) scan_durations: Histogram,
+    /// Times from a scan's arrival until it is processed.
+    pub(super) scan_latencies: Histogram,
     pub(super) tasks: TaskTracker,
     /// Counter of changes of robots' configurations.
     pub(super) configured: watch_channel::Sender<u64>,
@@ -178,10 +181,12 @@ impl Fleet {
 
     /// Records that an estimator has finished a message that it began at running time `began`; only
     /// scans take long enough to be measured.
-    pub(crate) fn took(&self, stream: Stream, began: Duration) {
-        if stream == Stream::Scan {
+    pub(crate) fn took(&self, message: &Message, began: Duration) {
+        if message.stream == Stream::Scan {
             let took = self.clock.elapsed().saturating_sub(began);
             self.scan_durations.observe(took.as_secs_f64());
+            let since_ns = self.clock.now().ns_since(message.arrived_ns);
+            self.scan_latencies.observe(since_ns as f64 * 1e-9);
         }
     }
 

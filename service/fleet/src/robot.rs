@@ -563,6 +563,8 @@ impl Robot {
         let (connection, counters) = self.mirrored(connection, self.mailbox.counters());
         let of_link = self.warning_of_former_key(clock).into_iter();
         let of_link = of_link.chain(Warning::topic_blocked(&topics));
+        let is_thinning = self.mailbox.is_thinning();
+        let of_link = of_link.chain(is_thinning.then(Warning::scans_thinned));
         let estimated_by = self.estimated_by();
         let status = lock(&self.status);
         RobotView {

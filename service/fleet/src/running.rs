@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use fleetcal_domain::limits::{CLUSTER_OVERLAP, TASK_IDLE_ROUNDS, TASK_ROUND};
+use fleetcal_domain::limits::{
+    CLUSTER_OVERLAP, TASK_IDLE_ROUNDS, TASK_ROUND, TASK_ROUND_WHEEL_ODOMETRY_MAX,
+};
 use fleetcal_estimator::Event;
 use tokio::sync::watch;
 
@@ -35,12 +37,21 @@ async fn run(
     let mut idle_rounds = TASK_IDLE_ROUNDS;
     loop {
         idle_rounds = idle_rounds.saturating_add(1);
+        let mut drives = 0_usize;
         while let Some(item) = task.robot.mailbox.take() {
             idle_rounds = 0;
+            drives = if item.is_wheel_odometry() {
+                drives + 1
+            } else {
+                0
+            };
             task.take(item);
-            task.answer_top_view_askers();
-            // A scan takes a millisecond: let the API and the other robots have theirs.
-            tokio::task::yield_now().await;
+            // A scan takes a millisecond: let the API and the other robots have theirs. The drive
+            // samples before it are integrated in one go.
+            if drives.is_multiple_of(TASK_ROUND_WHEEL_ODOMETRY_MAX) {
+                task.answer_top_view_askers();
+                tokio::task::yield_now().await;
+            }
         }
         if task.fleet.stop.is_cancelled() || leave.borrow().is_some() {
             break;

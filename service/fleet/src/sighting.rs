@@ -1,12 +1,12 @@
 //! Content of a message before it is checked: what the joining checks look at.
 
 use fleetcal_model::{Pose2, RobotTime};
-use fleetcal_proto::ros::{Header, Pose};
+use fleetcal_proto::ros::{Header, MeasuredDrive, Pose};
 
 /// Content of a message, unchecked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sighting {
-    /// Its header stamp.
+    /// Its header stamp, or that of the last drive sample in it.
     pub stamp: RobotTime,
     /// Name of its frame: of a pose, the frame that is at the pose.
     pub frame: String,
@@ -15,7 +15,7 @@ pub struct Sighting {
 }
 
 /// Content of a message.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Sighted {
     /// Speed and steering angle as they were sent.
     Wheels {
@@ -24,6 +24,8 @@ pub enum Sighted {
         /// Steering angle, in the sender's unit.
         steering: Option<f64>,
     },
+    /// Drive samples of one message, in the order of their stamps.
+    Samples(Vec<MeasuredDrive>),
     /// A scan or cloud.
     Scan {
         /// Time from one scan to the next that it states, s; 0 for none.
@@ -49,6 +51,16 @@ impl Sighting {
 
     pub(crate) fn of_wheels(header: &Header, speed: Option<f64>, steering: Option<f64>) -> Self {
         Self::of(header, Sighted::Wheels { speed, steering })
+    }
+
+    /// The stamp is that of the last sample, which is measured when the message is sent.
+    pub(crate) fn of_samples(samples: &[MeasuredDrive]) -> Self {
+        let stamp = samples.last().map_or(0, |sample| sample.stamp.as_ns());
+        Self {
+            stamp: RobotTime(stamp),
+            frame: String::new(),
+            content: Sighted::Samples(samples.to_vec()),
+        }
     }
 
     pub(crate) fn of_pose(header: &Header, frame: &str, pose: &Pose) -> Self {

@@ -7,69 +7,12 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use fleetcal_domain::limits;
-use fleetcal_domain::robot::ServiceEvent;
-use fleetcal_estimator::{Pose2, RobotTime};
+use fleetcal_estimator::RobotTime;
 use fleetcal_proto::RecordingTopic;
-use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
-use fleetcal_proto::event::RobotEvent;
 use tokio::sync::mpsc;
 
-use crate::words::word;
-
-/// Item of a session that is being recorded.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Tapped {
-    /// A message of the robot that was processed.
-    Message {
-        /// Its header stamp.
-        stamp: RobotTime,
-        /// Its topic and type.
-        topic: RecordingTopic,
-        /// Payload.
-        payload: Arc<[u8]>,
-    },
-    /// Pose of the rear axle in the filter's odometry frame.
-    Pose(RobotTime, Pose2),
-    /// The new estimate.
-    Estimate(Arc<EstimateDocument>),
-    /// A change or fault.
-    Change(ChangeDocument),
-    /// Another event, in words.
-    Event {
-        /// Its time, ns since 1970 by the robot's clock.
-        stamp_ns: RobotTime,
-        /// The words.
-        words: String,
-    },
-}
-
-impl Tapped {
-    /// Makes the item of a note of a person or tool.
-    pub fn of_note(note: &RobotEvent) -> Self {
-        Self::in_words(note.stamp_ns, &word(&note.kind), &note.note)
-    }
-
-    /// Makes the item of an event of the service about the robot.
-    pub fn of_service_event(event: &ServiceEvent) -> Self {
-        Self::in_words(event.stamp_ns, &word(&event.kind), &event.note)
-    }
-
-    fn in_words(stamp_ns: RobotTime, kind: &str, note: &str) -> Self {
-        let words = match note {
-            "" => kind.to_owned(),
-            note => format!("{kind}: {note}"),
-        };
-        Self::Event { stamp_ns, words }
-    }
-
-    /// Returns the size that it takes of the room for payloads.
-    fn bytes(&self) -> usize {
-        match self {
-            Self::Message { payload, .. } => payload.len(),
-            _ => 0,
-        }
-    }
-}
+use crate::ring::Ring;
+use crate::tapped::Tapped;
 
 /// Counters that a reader and the robot's task share.
 #[derive(Debug, Default)]
@@ -101,9 +44,11 @@ impl Tap {
     }
 }
 
-/// Readers that record a robot.
+/// Readers that record a robot, and the ring of what came last.
 #[derive(Debug, Default)]
 pub struct Taps {
+    /// Ring of the latest items.
+    pub(crate) ring: Ring,
     open: Mutex<Vec<Tap>>,
     /// Number of readers, to be read without the lock.
     count: AtomicUsize,
@@ -125,8 +70,10 @@ impl Taps {
         TapReader { items, counts }
     }
 
-    /// Ends all readers after the waiting items, because another instance takes over the robot.
+    /// Ends all readers after the waiting items and clears the ring, because another instance takes
+    /// over the robot.
     pub fn end(&self) {
+        self.ring.clear();
         let mut open = self.lock();
         open.clear();
         self.count.store(0, Ordering::Release);
@@ -137,19 +84,32 @@ impl Taps {
         self.count.load(Ordering::Acquire) > 0
     }
 
-    /// Passes on the result of `item`, which is called only if there is a reader.
-    pub fn offer(&self, item: impl FnOnce() -> Option<Tapped>) {
-        if !self.is_open() {
-            return;
+    /// Passes a message of the robot on to the ring and to the readers.
+    pub fn offer_message(&self, stamp: RobotTime, topic: RecordingTopic, payload: &[u8]) {
+        self.ring.append_message(stamp, &topic, payload);
+        if self.is_open() {
+            self.pass_on(&Tapped::Message {
+                stamp,
+                topic,
+                payload: payload.into(),
+            });
         }
-        let item = item();
+    }
+
+    /// Passes another item on to the ring and to the readers.
+    pub fn offer(&self, item: Tapped) {
+        if self.is_open() {
+            self.pass_on(&item);
+        }
+        self.ring.append(item);
+    }
+
+    fn pass_on(&self, item: &Tapped) {
         let mut open = self.lock();
         open.retain(|tap| !tap.items.is_closed());
         self.count.store(open.len(), Ordering::Release);
-        if let Some(item) = item {
-            for tap in open.iter() {
-                tap.offer(item.clone());
-            }
+        for tap in open.iter() {
+            tap.offer(item.clone());
         }
     }
 
@@ -212,20 +172,19 @@ mod tests {
     #[tokio::test]
     async fn a_slow_reader_misses_what_is_too_much_and_is_told_how_much() {
         let taps = Taps::default();
-        taps.offer(|| panic!("nobody reads"));
         let (mut reader, mut other) = (taps.open(), taps.open());
         let half = limits::RECORDING_WAITING_BYTES_MAX / 2;
         for _ in 0..5 {
-            taps.offer(|| Some(message(half)));
+            taps.offer(message(half));
         }
         assert_eq!(reader.left_out(), 3);
         assert_eq!(reader.next().await, Some(message(half)));
-        taps.offer(|| Some(message(half)));
+        taps.offer(message(half));
         assert_eq!(reader.left_out(), 3, "there is room again");
         assert_eq!(other.left_out(), 4, "there is none");
         // Small things are bounded by their number.
         for _ in 0..limits::RECORDING_WAITING_MAX + 10 {
-            taps.offer(|| Some(message(0)));
+            taps.offer(message(0));
         }
         assert_eq!(reader.left_out(), 3 + 12);
         reader.close();
@@ -235,7 +194,7 @@ mod tests {
         }
         assert_eq!(read, limits::RECORDING_WAITING_MAX);
         other.close();
-        taps.offer(|| Some(message(0)));
+        taps.offer(message(0));
         assert!(!taps.is_open());
     }
 

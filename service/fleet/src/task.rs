@@ -39,7 +39,7 @@ use crate::registry::Fleet;
 use crate::robot::Robot;
 use crate::senders::{Origin, Senders, Sent};
 use crate::stored::{self, Restored};
-use crate::tap::Tapped;
+use crate::tapped::Tapped;
 use crate::top_view;
 use crate::verification_run::VerificationRun;
 use good::Good;
@@ -204,7 +204,7 @@ impl RobotTask {
     fn take_and_count(&mut self, message: &Message) {
         let began = self.fleet.clock.elapsed();
         let outcome = self.take_message(message);
-        self.fleet.took(message.stream, began);
+        self.fleet.took(message, began);
         if let Outcome::Refused(reason) = &outcome {
             tracing::debug!(robot.id = %self.robot.id, reason, "message refused");
         }
@@ -229,14 +229,9 @@ impl RobotTask {
             Ok(taken) => taken,
             Err(refused) => return Outcome::Refused(refused.to_string()),
         };
-        self.robot.taps.offer(|| {
-            let topic = self.recording_topic(*stream, *form)?;
-            Some(Tapped::Message {
-                stamp: taken.stamp,
-                topic,
-                payload: payload.as_slice().into(),
-            })
-        });
+        if let Some(topic) = self.recording_topic(*stream, *form) {
+            self.robot.taps.offer_message(taken.stamp, topic, payload);
+        }
         if let Some(pairing) = self.intake.pairing() {
             self.robot.set_pairing(pairing);
         }
@@ -252,6 +247,20 @@ impl RobotTask {
                 return Outcome::Known;
             }
         }
+        self.process(taken.stamp, events)
+    }
+
+    /// Processes the events of a message, all of them or none.
+    fn process(&mut self, stamp_ns: RobotTime, mut events: Vec<Decoded>) -> Outcome {
+        for decoded in &mut events {
+            match self.raw(&decoded.event) {
+                Ok(Some(raw)) => decoded.event = raw,
+                Ok(None) => {}
+                Err(reason) => return Outcome::Refused(reason),
+            }
+        }
+        let of_wheels = |decoded: &&Decoded| matches!(decoded.event, Event::WheelOdometry(_));
+        let drive_samples = events.iter().filter(of_wheels).count() as u64;
         for decoded in events {
             let outcome = self.take_decoded(decoded);
             if let Outcome::Refused(_) = outcome {
@@ -259,7 +268,8 @@ impl RobotTask {
             }
         }
         Outcome::Processed {
-            stamp_ns: taken.stamp,
+            stamp_ns,
+            drive_samples,
         }
     }
 
@@ -306,10 +316,6 @@ impl RobotTask {
         if let Some(note) = note {
             return self.take_robots_note(note);
         }
-        let event = match self.raw(event) {
-            Ok(event) => event,
-            Err(reason) => return Outcome::Refused(reason),
-        };
         if !self.step(event) {
             return Outcome::Refused("the robot's estimator is stopped after a fault".to_owned());
         }
@@ -328,7 +334,10 @@ impl RobotTask {
         if self.robot.state() == RobotState::NoData {
             self.robot.set_state(RobotState::Learning);
         }
-        Outcome::Processed { stamp_ns: stamp }
+        Outcome::Processed {
+            stamp_ns: stamp,
+            drive_samples: 0,
+        }
     }
 
     /// Ranks the manoeuvres that the robot should drive next, and updates the warnings.
@@ -377,13 +386,14 @@ impl RobotTask {
         self.top_view.as_ref().map(|(_, view)| Arc::clone(view))
     }
 
-    /// Restores the sensor's values where the robot compensates before it sends.
-    fn raw(&self, event: Event) -> Result<Event, String> {
-        let Event::WheelOdometry(sample) = &event else {
-            return Ok(event);
+    /// Restores the sensor's values where the robot compensates before it sends; `None` where it
+    /// does not.
+    fn raw(&self, event: &Event) -> Result<Option<Event>, String> {
+        let Event::WheelOdometry(sample) = event else {
+            return Ok(None);
         };
         if self.signal == WheelOdometrySignal::Raw {
-            return Ok(event);
+            return Ok(None);
         }
         let Some(values) = self.robot.values_at(sample.stamp()) else {
             return Err(
@@ -393,7 +403,7 @@ impl RobotTask {
             );
         };
         decode::added_back(sample, &values)
-            .map(Event::WheelOdometry)
+            .map(|raw| Some(Event::WheelOdometry(raw)))
             .map_err(|refused| refused.to_string())
     }
 
@@ -438,7 +448,7 @@ impl RobotTask {
             return;
         };
         if let Some((stamp, pose)) = self.tapped_pose.advance(calibrator) {
-            self.robot.taps.offer(|| Some(Tapped::Pose(stamp, pose)));
+            self.robot.taps.offer(Tapped::Pose(stamp, pose));
         }
     }
 
@@ -459,7 +469,7 @@ impl RobotTask {
                 let change = document::change_document(&change);
                 self.changed |= change.kind == ChangeKind::CalibrationChanged;
                 let taps = &self.robot.taps;
-                taps.offer(|| Some(Tapped::Change(change.clone())));
+                taps.offer(Tapped::Change(change.clone()));
                 self.budgets
                     .record(&self.fleet, &self.robot.id, HistoryEvent::Change(change));
             }
@@ -467,7 +477,7 @@ impl RobotTask {
             Effect::ChangeSized(change) => {
                 let change = document::change_document(&change);
                 let taps = &self.robot.taps;
-                taps.offer(|| Some(Tapped::Change(change.clone())));
+                taps.offer(Tapped::Change(change.clone()));
                 self.budgets
                     .record(&self.fleet, &self.robot.id, HistoryEvent::Change(change));
             }
@@ -495,7 +505,7 @@ impl RobotTask {
         self.changed = state == RobotState::Changed;
         let document = Arc::new(document);
         let taps = &self.robot.taps;
-        taps.offer(|| Some(Tapped::Estimate(Arc::clone(&document))));
+        taps.offer(Tapped::Estimate(Arc::clone(&document)));
         self.robot.set_state(state);
         self.robot.set_reassembly_open(document.reassembly_open);
         self.robot.set_estimate(Arc::clone(&document));
@@ -552,7 +562,7 @@ impl RobotTask {
             note,
         };
         let taps = &self.robot.taps;
-        taps.offer(|| Some(Tapped::of_service_event(&event)));
+        taps.offer(Tapped::of_service_event(&event));
         self.budgets
             .record(&self.fleet, &self.robot.id, HistoryEvent::Service(event));
     }

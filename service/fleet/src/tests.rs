@@ -23,6 +23,7 @@ use fleetcal_model::{AuditId, Generation, NoteKind, RobotTime, Stream};
 
 use super::registry::Step;
 use super::*;
+mod batches;
 mod checkpoints;
 mod cluster;
 mod compensated;
@@ -30,6 +31,7 @@ mod moves;
 mod notes;
 mod restarts;
 mod senders;
+mod shares;
 
 use crate::live::LiveUpdate;
 
@@ -237,7 +239,7 @@ async fn a_bad_payload_is_refused_and_no_other_robot_notices() {
     assert_eq!(bad.processed, 0);
     let reason = bad.last_refusal.clone().unwrap();
     assert!(
-        reason.starts_with("drive: ") || reason.starts_with("scan: "),
+        reason.starts_with("wheel_odometry: ") || reason.starts_with("scan: "),
         "{reason}"
     );
     bench.check_accounts("bad");

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use fleetcal_domain::limits;
 use tokio::time::MissedTickBehavior;
 
 use crate::live::LiveUpdate;
@@ -46,6 +47,9 @@ fn save_cross_tracks(fleet: &Fleet) {
 /// Checks every robot once.
 pub fn look(fleet: &Fleet, whole_second: bool) {
     let clock = &*fleet.clock;
+    if whole_second {
+        share_memory(fleet);
+    }
     for robot in fleet.all() {
         if robot.session_just_ended(clock) {
             robot.mailbox.end_session();
@@ -63,5 +67,18 @@ pub fn look(fleet: &Fleet, whole_second: bool) {
                 alive,
             });
         }
+    }
+}
+
+/// Shares the memory of all rings equally among the robots that send, and drops what is older than
+/// a ring holds.
+fn share_memory(fleet: &Fleet) {
+    let robots = fleet.all();
+    let holding = robots.iter().filter(|robot| robot.taps.ring.size() > 0);
+    let share = limits::MOMENT_BYTES_MAX / holding.count().max(1);
+    let share = share.min(limits::MOMENT_BYTES_OF_ROBOT_MAX);
+    let now = fleet.clock.elapsed();
+    for robot in &robots {
+        robot.taps.ring.tick(now, share);
     }
 }

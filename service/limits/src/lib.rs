@@ -1,8 +1,16 @@
 //! Every limit of the service: queues, caches, bodies, waits. One name each, all in one place.
 
+mod moments;
+mod support;
+mod zenoh;
+
 use std::time::Duration;
 
 use fleetcal_model::Stream;
+
+pub use moments::*;
+pub use support::*;
+pub use zenoh::*;
 
 /// Largest message that the Zenoh transport assembles, in bytes: the largest payload, its key and
 /// its attachment. A session can leave one unfinished on its reliable and one on its other channel.
@@ -24,19 +32,22 @@ pub const fn payload_bytes_max(stream: Stream) -> usize {
 pub const MAILBOX_WHEEL_ODOMETRY_MAX: usize = 1_024;
 /// Scans (or LiDAR poses) that wait in a robot's mailbox.
 pub const MAILBOX_SCANS_MAX: usize = 8;
+/// Scans that wait in the mailbox of a robot that is behind: as many as a sender that paces itself
+/// by the service's progress has on the way at most.
+pub const MAILBOX_SCANS_BEHIND: usize = 4;
+/// Scans of a robot of which at least one is processed, however short CPU time is.
+pub const SCAN_STRIDE_MAX: u32 = 8;
 /// Notes and other rare messages that wait in a robot's mailbox.
 pub const MAILBOX_NOTES_MAX: usize = 64;
 /// Stored notes about a robot that are read at once for its estimator.
 pub const NOTES_BROUGHT_MAX: u32 = 64;
-/// Period in which the messages of a sending robot are processed together: waking its task for each
-/// message would cost more than the message. All robots have their rounds at the same moments.
-pub const TASK_ROUND: Duration = Duration::from_millis(20);
+/// Longest wait of a drive sample for the next scan, with which it is processed: waking the task for
+/// each message would cost more than the message. All robots have their rounds at the same moments.
+pub const TASK_ROUND: Duration = Duration::from_millis(100);
 /// Rounds without a message after which a robot's task waits for the next one.
 pub const TASK_IDLE_ROUNDS: u32 = 5;
-/// Drive samples that wait until the next round; further ones are processed at once.
+/// Messages of wheel odometry that wait until the next round; further ones are processed at once.
 pub const TASK_ROUND_WHEEL_ODOMETRY_MAX: usize = 64;
-/// Scans that wait until the next round; further ones are processed at once.
-pub const TASK_ROUND_SCANS_MAX: usize = 1;
 /// Robots that are configured.
 pub const ROBOTS_MAX: usize = 4_096;
 /// Robots that send without being configured; further ones are counted and forgotten.
@@ -45,6 +56,8 @@ pub const UNREGISTERED_ROBOTS_MAX: usize = 256;
 pub const LIVE_UPDATES_MAX: usize = 4_096;
 /// Characters of a note that a person or tool attaches.
 pub const NOTE_CHARS_MAX: usize = 1_000;
+/// Characters of a query for robots.
+pub const VIEW_QUERY_CHARS_MAX: usize = 2_000;
 /// Characters of a refusal's reason that are kept for the robot's page.
 pub const REFUSAL_CHARS_MAX: usize = 300;
 
@@ -397,38 +410,6 @@ pub const ROBOTS_LIMITED_MAX: usize = 256;
 /// Size of a file in which the start looks for endpoints, bytes: a generated list takes some 5 kB
 /// for each robot.
 pub const ZENOH_CONFIG_BYTES_MAX: u64 = 64 * 1024 * 1024;
-/// Unauthenticated connections to the Zenoh port at once; one more waits.
-pub const ZENOH_HANDSHAKES_MAX: usize = ROBOTS_MAX;
-/// Time within which a connection to the Zenoh port has authenticated.
-pub const ZENOH_HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(3);
-/// Zenoh sessions of all peers together. When all places are taken, the owner of the most gives one
-/// to a peer that has fewer.
-pub const ZENOH_SESSIONS_MAX: usize = ROBOTS_MAX;
-/// Default number of Zenoh sessions of one address whose peers have no name: a machine that
-/// simulates a fleet, or a small one behind a gateway.
-pub const ZENOH_SESSIONS_PER_ADDRESS_DEFAULT: usize = 64;
-/// Default number of Zenoh sessions of one name, by password or certificate: a robot's agent, its
-/// drivers and tools.
-pub const ZENOH_SESSIONS_PER_NAME_DEFAULT: usize = 16;
-/// Messages that one session can leave unfinished: one on its reliable channel, one on the other.
-pub const ZENOH_UNFINISHED_PER_SESSION_MAX: usize = 2;
-/// Bytes of unfinished messages that all sessions of one owner hold by default.
-pub const ZENOH_UNFINISHED_BYTES_DEFAULT: usize =
-    ZENOH_SESSIONS_PER_ADDRESS_DEFAULT * ZENOH_UNFINISHED_PER_SESSION_MAX * ZENOH_MESSAGE_BYTES_MAX;
-/// Part of the memory that the process may use which unfinished messages of all sessions without a
-/// name may fill together: one in so many.
-pub const ZENOH_UNFINISHED_MEMORY_PART: usize = 2;
-/// Sessions that Zenoh opens beyond, so that one can come while its place is still taken by
-/// another.
-pub const ZENOH_SESSIONS_OPENING_MAX: usize = 256;
-/// Log lines about places of Zenoh sessions, an hour.
-pub const ZENOH_SESSION_LINES_PER_HOUR_MAX: u32 = 60;
-/// Lines that Zenoh itself logs, an hour: peers can make it log at will.
-pub const ZENOH_LOG_LINES_PER_HOUR_MAX: u32 = 1_200;
-/// Time limit for opening the Zenoh session.
-pub const ZENOH_OPEN_TIMEOUT: Duration = Duration::from_secs(10);
-/// Time limit for closing it; after that the process ends without.
-pub const ZENOH_CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 /// Time limit of the whole shutdown.
 pub const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(4);
 

@@ -16,6 +16,7 @@ mod places;
 mod questions;
 mod ros2;
 mod session;
+mod session_memory;
 mod sessions;
 mod setting;
 mod strict;
@@ -50,6 +51,7 @@ use session::Opened;
 use sessions::Sessions;
 
 pub use places::Shares;
+pub use session_memory::SessionMemory;
 pub use strict::{Identity, RouterCertificate, StrictRouter, is_robots_own};
 
 /// Settings and parts that the link is made with.
@@ -71,6 +73,8 @@ pub struct LinkSetup {
     pub ros2: Ros2Settings,
     /// Largest numbers of sessions; a router that opens fewer has fewer in total.
     pub shares: Shares,
+    /// Memory of the process, the newest sessions of which are closed where it is short.
+    pub session_memory: Option<SessionMemory>,
     /// This process's place in a cluster.
     pub membership: Membership,
     /// Channel of the state of a cluster instance's link.
@@ -198,7 +202,9 @@ impl Link {
         if setup.zenoh_config.is_none() {
             table.close_access_list();
         }
-        let sessions = |shares| Sessions::new(shares, fleet.clone(), clock.clone());
+        let sessions = |shares| {
+            Sessions::new(shares, fleet.clone(), clock.clone()).within(setup.session_memory)
+        };
         let opened = session::open(&setup, &ros2::access::rules(&table), sessions).await?;
         let session = opened.session.clone();
         let stop = CancellationToken::new();

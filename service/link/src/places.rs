@@ -219,6 +219,20 @@ impl<C> Places<C> {
         newest.filter(|_| count > own + 1)
     }
 
+    /// Frees all places of the owner of the newest session, of those without a name first; returns
+    /// the owner and the values that close its sessions.
+    pub fn leave_newest_owner(&mut self) -> Option<(Owner, Vec<C>)> {
+        let newest = |of: Of| {
+            let owners = self.owners.iter();
+            let owners = owners.filter(move |(owner, _)| of == Of::All || owner.is_nameless());
+            owners.max_by_key(|(_, own)| own.last().copied())
+        };
+        let (owner, own) = newest(Of::Nameless).or_else(|| newest(Of::All))?;
+        let (owner, own) = (owner.clone(), own.clone());
+        let closed = own.into_iter().filter_map(|number| self.leave(number));
+        Some((owner, closed.collect()))
+    }
+
     /// Frees a place; returns the value that closed its session.
     pub fn leave(&mut self, number: u64) -> Option<C> {
         let (owner, close) = self.open.remove(&number)?;
@@ -270,6 +284,24 @@ mod tests {
         let crowded = places.crowded().unwrap();
         let expected = "all 8 places of Zenoh sessions are taken, 4 of them by ";
         assert!(crowded.starts_with(expected), "{crowded}");
+    }
+
+    #[test]
+    fn the_newest_owner_leaves_first_and_names_stay_longest() {
+        let mut places = places(8);
+        let (robot, bridge, flood) = (named("robot_a"), at("10.0.0.1"), at("10.0.0.2"));
+        for (owner, session) in [
+            (&flood, "f1"),
+            (&bridge, "b"),
+            (&flood, "f2"),
+            (&robot, "r"),
+        ] {
+            places.admit(owner.clone(), session).unwrap();
+        }
+        assert_eq!(places.leave_newest_owner(), Some((flood, vec!["f1", "f2"])));
+        assert_eq!(places.leave_newest_owner(), Some((bridge, vec!["b"])));
+        assert_eq!(places.leave_newest_owner(), Some((robot, vec!["r"])));
+        assert_eq!((places.leave_newest_owner(), places.taken()), (None, 0));
     }
 
     #[test]

@@ -1,13 +1,14 @@
 //! Gives each Zenoh session a place, or closes it. Zenoh asks nobody before it opens one.
 
 use std::net::{IpAddr, SocketAddr};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use fleetcal_clock::SharedClock;
 use fleetcal_domain::limits;
 use fleetcal_fleet::budget::Budget;
 use fleetcal_fleet::{FleetHandle, SessionClosed};
 use tokio::runtime::Handle;
+use tokio::time::MissedTickBehavior;
 use zenoh::Result;
 use zenoh_link::Link;
 use zenoh_protocol::network::NetworkMessageMut;
@@ -19,6 +20,7 @@ use zenoh_transport::{
 };
 
 use crate::places::{Of, Owner, Places, Shares};
+use crate::session_memory::{MemoryWatch, SessionMemory};
 
 /// Sessions of a router, which reports each that it has opened.
 pub struct Sessions(Arc<Inner>);
@@ -54,9 +56,52 @@ impl Sessions {
             runtime: Handle::current(),
         }))
     }
+
+    /// Closes the newest sessions while the memory of the process is short.
+    #[must_use]
+    pub fn within(self, memory: Option<SessionMemory>) -> Self {
+        if let Some(memory) = memory {
+            let closing = close_while_short(memory, Arc::downgrade(&self.0));
+            self.0.runtime.spawn(closing);
+        }
+        self
+    }
+}
+
+/// Closes the sessions of one owner after another while memory is short.
+///
+/// Zenoh keeps a whole receiving buffer for each fragment of an unfinished message, however short,
+/// and bounds the bytes of the fragments alone. A session's buffers are freed with it.
+async fn close_while_short(memory: SessionMemory, sessions: Weak<Inner>) {
+    let mut watch = MemoryWatch::new(memory.allowed_bytes);
+    let mut ticks = tokio::time::interval(limits::ZENOH_SESSION_MEMORY_LOOK_EVERY);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        ticks.tick().await;
+        let Some(sessions) = sessions.upgrade() else {
+            return;
+        };
+        let now = sessions.clock.elapsed();
+        if (memory.resident)().is_some_and(|bytes| watch.is_short(now, bytes)) {
+            sessions.close_newest_owner();
+        }
+    }
 }
 
 impl Inner {
+    /// Closes all sessions of the owner of the newest.
+    fn close_newest_owner(&self) {
+        let mut places = self.places.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some((owner, closed)) = places.leave_newest_owner() else {
+            return;
+        };
+        self.report(&places);
+        drop(places);
+        for transport in closed {
+            self.close(transport, SessionClosed::Memory, Some(&owner));
+        }
+    }
+
     fn admit(&self, owner: &Owner, transport: &TransportUnicast) -> Option<u64> {
         let mut places = self.places.lock().unwrap_or_else(PoisonError::into_inner);
         let admitted = places.admit(owner.clone(), transport.clone());
@@ -104,6 +149,10 @@ impl Inner {
                     whose,
                     "too many Zenoh sessions of one name or address: a further one is closed; \
                      sessions_per_name and sessions_per_address of fleetcal.toml admit more"
+                ),
+                SessionClosed::Memory => tracing::warn!(
+                    whose,
+                    "memory is short: the newest Zenoh sessions are closed"
                 ),
                 SessionClosed::Full | SessionClosed::MadeRoom => tracing::warn!(
                     most = self.all,
@@ -193,6 +242,7 @@ fn site(host_and_port: &str) -> String {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
+    use std::sync::atomic::{AtomicU64, Ordering};
     use std::time::Duration;
 
     use fleetcal_clock::MockClock;
@@ -241,12 +291,10 @@ mod tests {
         session.info().routers_zid().await.next().is_some()
     }
 
-    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-    async fn idle_sessions_of_one_address_keep_no_other_out_and_are_counted() {
-        let clock = MockClock::at(1_763_700_000_000_000_000);
-        let database = TestDatabase::new().await;
+    /// Starts a fleet without robots on this database.
+    async fn fleet(database: &TestDatabase, clock: &Arc<MockClock>) -> FleetHandle {
         let store = database.open(clock.clone()).await;
-        let fleet = FleetHandle::start(FleetSetup {
+        FleetHandle::start(FleetSetup {
             clock: clock.clone(),
             journal: Arc::new(store),
             estimator: EstimatorSettings::default(),
@@ -256,15 +304,26 @@ mod tests {
             last_heard: BTreeMap::new(),
             membership: fleetcal_cluster::Membership::alone(),
             audited: fleetcal_model::AuditId(0),
-        });
-        let port = free_address().port();
+        })
+    }
+
+    /// Starts a router on a port of this machine.
+    async fn router(port: u16, sessions: impl FnOnce(Shares) -> Sessions) -> session::Opened {
         let setup = LinkSetup {
             listen: vec![format!("tcp/127.0.0.1:{port}")],
             shares: SHARES,
             ..LinkSetup::default()
         };
-        let sessions = |shares| Sessions::new(shares, fleet.clone(), clock);
-        let router = session::open(&setup, &[], sessions).await.unwrap();
+        session::open(&setup, &[], sessions).await.unwrap()
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn idle_sessions_of_one_address_keep_no_other_out_and_are_counted() {
+        let clock = MockClock::at(1_763_700_000_000_000_000);
+        let database = TestDatabase::new().await;
+        let fleet = fleet(&database, &clock).await;
+        let port = free_address().port();
+        let router = router(port, |shares| Sessions::new(shares, fleet.clone(), clock)).await;
 
         // Zenoh connects a client again and again, as an attacker would.
         let mut idle = Vec::new();
@@ -296,6 +355,39 @@ mod tests {
         }
         until("all are gone", || fleet.peers().open() == 0).await;
         assert_eq!(fleet.peers().crowded(), None);
+        session::close(router.session, router.runtime).await;
+    }
+
+    /// Memory that the process of the test below pretends to hold, bytes.
+    static RESIDENT: AtomicU64 = AtomicU64::new(0);
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn the_newest_sessions_are_closed_while_memory_is_short_and_come_back() {
+        let clock = MockClock::at(1_763_700_000_000_000_000);
+        let database = TestDatabase::new().await;
+        let fleet = fleet(&database, &clock).await;
+        let port = free_address().port();
+        let memory = SessionMemory {
+            resident: || Some(RESIDENT.load(Ordering::Relaxed)),
+            allowed_bytes: 4,
+        };
+        let router = router(port, |shares| {
+            Sessions::new(shares, fleet.clone(), clock).within(Some(memory))
+        })
+        .await;
+        let first = client(port, "127.0.0.2").await;
+        let second = client(port, "127.0.0.3").await;
+        until("both are open", || fleet.peers().open() == 2).await;
+        let closed = || fleet.peers().closed()[SessionClosed::Memory as usize].1;
+        assert_eq!(closed(), 0);
+
+        RESIDENT.store(2, Ordering::Relaxed);
+        until("both are closed", || closed() >= 2).await;
+        RESIDENT.store(1, Ordering::Relaxed);
+        until("both are back", || fleet.peers().open() == 2).await;
+
+        first.close().await.unwrap();
+        second.close().await.unwrap();
         session::close(router.session, router.runtime).await;
     }
 

@@ -3,21 +3,37 @@
 use std::fmt::{self, Write};
 use std::sync::Arc;
 
+use fleetcal_domain::deviation::Deviation;
 use fleetcal_domain::limits;
-use fleetcal_domain::robot::{Counters, RobotView};
-use fleetcal_model::{Detection, DetectionState};
+use fleetcal_domain::robot::{Counters, RobotView, WarningKind};
+use fleetcal_model::{Detection, DetectionState, Parameter, ParameterStatus, Unit, WallTime};
 use fleetcal_proto::RobotId;
 
-/// Figures of one robot at one time: a fiftieth of their text.
+/// Figures of one robot at one time: a small part of their text.
 #[derive(Debug)]
 pub struct RobotFigures {
     robot: RobotId,
     /// Number of its messages by outcome, in the order of [`OUTCOMES`].
     outcomes: [u64; OUTCOMES.len()],
+    scans_thinned: bool,
     unpaired: u64,
     restarts: u64,
     detection: Option<Detection>,
+    /// Deviation of its estimate from the calibration in use, tolerances.
+    deviation: Option<f64>,
+    /// Receipt of its last message, wall time.
+    last_seen: Option<WallTime>,
+    /// Value and sigma of each of [`SHOWN`]; `None` while its estimate says nothing of it.
+    estimate: [Option<(f64, f64)>; SHOWN.len()],
 }
+
+/// Parameters of the estimate.
+const SHOWN: [Parameter; 4] = [
+    Parameter::SteeringOffset,
+    Parameter::LidarX,
+    Parameter::LidarY,
+    Parameter::LidarYaw,
+];
 
 /// Outcomes of a message; those that wait are the difference to those received.
 const OUTCOMES: [&str; 6] = [
@@ -31,7 +47,7 @@ const OUTCOMES: [&str; 6] = [
 
 impl RobotFigures {
     /// Takes the figures from a robot's view.
-    pub fn of(view: &RobotView) -> Self {
+    pub fn of(view: &RobotView, deviation: Option<Deviation>) -> Self {
         let Counters {
             processed,
             refused,
@@ -51,12 +67,23 @@ impl RobotFigures {
                 dropped_scans,
                 dropped_notes,
             ],
+            scans_thinned: view.is_warned(WarningKind::ScansThinned),
             unpaired: view.pairing.map_or(0, |pairing| pairing.unpaired),
             restarts: u64::from(view.estimator_restarts),
             detection: view
                 .estimate
                 .as_ref()
                 .and_then(|estimate| estimate.detection),
+            deviation: deviation.map(|one| one.tolerances),
+            last_seen: view.connection.last_heard(),
+            estimate: SHOWN.map(|name| {
+                let parameter = view.estimate.as_deref()?.parameters.get(name);
+                let is_known = matches!(
+                    parameter.status,
+                    ParameterStatus::Converged | ParameterStatus::Learning | ParameterStatus::Fixed
+                );
+                is_known.then_some((parameter.value, parameter.sigma))
+            }),
         }
     }
 
@@ -76,12 +103,18 @@ struct Family {
     write: fn(&mut String, &RobotFigures) -> fmt::Result,
 }
 
-const FAMILIES: [Family; 4] = [
+const FAMILIES: [Family; 11] = [
     Family {
         name: "fleetcal_robot_messages",
         help: "Messages of each robot, by what became of them",
         kind: "counter",
         write: messages,
+    },
+    Family {
+        name: "fleetcal_robot_scans_thinned",
+        help: "1 while the service lacks CPU time and uses an even share of its scans",
+        kind: "gauge",
+        write: scans_thinned,
     },
     Family {
         name: "fleetcal_robot_unpaired",
@@ -100,6 +133,50 @@ const FAMILIES: [Family; 4] = [
         help: "1 while a change of this cause would be detected, 0 while detection waits",
         kind: "gauge",
         write: detection,
+    },
+    Family {
+        name: "fleetcal_robot_deviation_tolerances",
+        help: "Distance of its estimate from the calibration in use, of the value which is farthest",
+        kind: "gauge",
+        write: deviation,
+    },
+    Family {
+        name: "fleetcal_robot_last_message_timestamp_seconds",
+        help: "Receipt of its last message, since 1970",
+        kind: "gauge",
+        write: last_message,
+    },
+    Family {
+        name: "fleetcal_robot_estimate_radians",
+        help: "Estimated angles, converged or not",
+        kind: "gauge",
+        write: |out, robot| estimates(out, robot, Unit::Radian, "estimate_radians", |one| one.0),
+    },
+    Family {
+        name: "fleetcal_robot_estimate_sigma_radians",
+        help: "Standard deviations of the estimated angles",
+        kind: "gauge",
+        write: |out, robot| {
+            estimates(out, robot, Unit::Radian, "estimate_sigma_radians", |one| {
+                one.1
+            })
+        },
+    },
+    Family {
+        name: "fleetcal_robot_estimate_meters",
+        help: "Estimated positions, converged or not",
+        kind: "gauge",
+        write: |out, robot| estimates(out, robot, Unit::Metre, "estimate_meters", |one| one.0),
+    },
+    Family {
+        name: "fleetcal_robot_estimate_sigma_meters",
+        help: "Standard deviations of the estimated positions",
+        kind: "gauge",
+        write: |out, robot| {
+            estimates(out, robot, Unit::Metre, "estimate_sigma_meters", |one| {
+                one.1
+            })
+        },
     },
 ];
 
@@ -141,6 +218,14 @@ fn messages(out: &mut String, robot: &RobotFigures) -> fmt::Result {
     Ok(())
 }
 
+fn scans_thinned(out: &mut String, robot: &RobotFigures) -> fmt::Result {
+    let (id, value) = (robot.robot.as_str(), u32::from(robot.scans_thinned));
+    writeln!(
+        out,
+        "fleetcal_robot_scans_thinned{{robot=\"{id}\"}} {value}"
+    )
+}
+
 fn unpaired(out: &mut String, robot: &RobotFigures) -> fmt::Result {
     let (id, count) = (robot.robot.as_str(), robot.unpaired);
     writeln!(
@@ -171,6 +256,43 @@ fn detection(out: &mut String, robot: &RobotFigures) -> fmt::Result {
     Ok(())
 }
 
+fn deviation(out: &mut String, robot: &RobotFigures) -> fmt::Result {
+    let Some(tolerances) = robot.deviation else {
+        return Ok(());
+    };
+    let (name, id) = ("fleetcal_robot_deviation_tolerances", robot.robot.as_str());
+    writeln!(out, "{name}{{robot=\"{id}\"}} {tolerances}")
+}
+
+fn last_message(out: &mut String, robot: &RobotFigures) -> fmt::Result {
+    let Some(WallTime(at_ns)) = robot.last_seen else {
+        return Ok(());
+    };
+    let name = "fleetcal_robot_last_message_timestamp_seconds";
+    let (id, at_s) = (robot.robot.as_str(), at_ns as f64 / 1e9);
+    writeln!(out, "{name}{{robot=\"{id}\"}} {at_s}")
+}
+
+/// Writes one series for each parameter of a unit, with one `part` of its value and sigma.
+fn estimates(
+    out: &mut String,
+    robot: &RobotFigures,
+    unit: Unit,
+    name: &str,
+    part: fn((f64, f64)) -> f64,
+) -> fmt::Result {
+    let id = robot.robot.as_str();
+    for (parameter, estimate) in SHOWN.into_iter().zip(robot.estimate) {
+        if let Some(estimate) = estimate
+            && parameter.unit() == unit
+        {
+            let labels = format_args!("robot=\"{id}\",parameter=\"{}\"", parameter.name());
+            writeln!(out, "fleetcal_robot_{name}{{{labels}}} {}", part(estimate))?;
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use std::time::{Duration, Instant};
@@ -181,9 +303,18 @@ mod tests {
         RobotFigures {
             robot: RobotId::parse(&format!("warehouse_tugger_{number:04}")).unwrap(),
             outcomes: [1_000_000_000, 1, 2, 3, 4, 5],
+            scans_thinned: false,
             unpaired: 6,
             restarts: 7,
             detection: Some(Detection::of_all(DetectionState::Watching)),
+            deviation: Some(1.25),
+            last_seen: Some(WallTime(1_500_000_000)),
+            estimate: [
+                Some((0.25, 0.5)),
+                Some((1.5, 0.125)),
+                None,
+                Some((-0.5, 0.0625)),
+            ],
         }
     }
 
@@ -191,7 +322,16 @@ mod tests {
     fn each_piece_has_some_robots_of_one_family() {
         let all: String = pieces(vec![figures(1)]).collect();
         let lines: Vec<&str> = all.lines().collect();
-        assert_eq!(lines.len(), 4 * 2 + 6 + 1 + 1 + 3);
+        assert_eq!(lines.len(), 11 * 2 + 6 + 1 + 1 + 1 + 3 + 1 + 1 + 2 * 3);
+        for line in [
+            "fleetcal_robot_deviation_tolerances{robot=\"warehouse_tugger_0001\"} 1.25",
+            "fleetcal_robot_last_message_timestamp_seconds{robot=\"warehouse_tugger_0001\"} 1.5",
+            "fleetcal_robot_estimate_meters{robot=\"warehouse_tugger_0001\",parameter=\"lidar_x\"} 1.5",
+            "fleetcal_robot_estimate_sigma_radians{robot=\"warehouse_tugger_0001\",parameter=\"lidar_yaw\"} \
+             0.0625",
+        ] {
+            assert!(lines.contains(&line), "{line}");
+        }
         assert_eq!(
             lines[..3],
             [
@@ -218,6 +358,6 @@ mod tests {
         println!("{bytes} bytes in {took:?}, {longest} at once");
         assert!(bytes > 1 << 20 && longest < 128 << 10, "{bytes}, {longest}");
         assert!(took < Duration::from_secs(1), "{took:?}");
-        assert!(size_of::<RobotFigures>() <= 128);
+        assert!(size_of::<RobotFigures>() <= 256);
     }
 }

@@ -37,9 +37,15 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Parameters<T> 
     }
 }
 
-/// Robot that a path names.
+/// Robot that a path names, by its part `{id}`.
 #[derive(Debug)]
 pub struct RobotPath(pub RobotId);
+
+/// Parts of a path.
+#[derive(Deserialize)]
+struct Named {
+    id: String,
+}
 
 impl<S: Send + Sync> FromRequestParts<S> for RobotPath {
     type Rejection = Problem;
@@ -48,10 +54,10 @@ impl<S: Send + Sync> FromRequestParts<S> for RobotPath {
         let refused = |detail: String| {
             Problem::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("id")
         };
-        let Path(id) = Path::<String>::from_request_parts(parts, state)
+        let Path(named) = Path::<Named>::from_request_parts(parts, state)
             .await
             .map_err(|rejection| refused(rejection.body_text()))?;
-        RobotId::parse(&id)
+        RobotId::parse(&named.id)
             .map(Self)
             .map_err(|error| refused(error.to_string()))
     }

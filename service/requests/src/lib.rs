@@ -1,9 +1,11 @@
 //! Requests and answers: parameters, bodies, conditions, pages and problem
 //! documents. It knows no route.
 
+pub mod cookie;
 pub mod etag;
 pub mod extract;
 pub mod listing;
 pub mod page;
+pub mod password;
 pub mod problem;
 pub mod time;

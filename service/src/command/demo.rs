@@ -18,7 +18,9 @@ use fleetcal_operations::accounts::{UserChange, change_user};
 use fleetcal_operations::entropy;
 use fleetcal_proto::Keys;
 use fleetcal_proto::signing::TrustedKeys;
-use fleetcal_robot::fleet::{FleetOptions, SimulatedRobot, run_fleet, simulated_robots};
+use fleetcal_robot::fleet::{
+    DriveMessages, FleetOptions, SimulatedRobot, run_fleet, simulated_robots,
+};
 use fleetcal_store::Store;
 use tokio_util::sync::CancellationToken;
 
@@ -92,6 +94,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
             trusted: Some(TrustedKeys::from(service.lifecycle().public_key())),
             start_stamp_ns: clock.now().0,
             rate: arguments.rate,
+            drive_messages: DriveMessages::default(),
         },
         stop.clone(),
     ));

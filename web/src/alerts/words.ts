@@ -1,6 +1,7 @@
 /** Words and shapes for the subjects and states of alerts. */
 
 import type { Alert, AlertKind, AlertState } from '../api/types';
+import { CONNECTIONS } from '../fleet/connection';
 import { STANDINGS } from '../fleet/standing';
 import type { Face } from '../ui/face';
 
@@ -19,7 +20,7 @@ export const KINDS: Record<AlertKind, Face> = {
   no_instance: STANDINGS.no_instance,
   not_applied: STANDINGS.not_applied,
   out_of_sync: STANDINGS.out_of_sync,
-  no_data: STANDINGS.no_data,
+  no_data: CONNECTIONS.silent,
   fault: STANDINGS.fault,
   uncalibrated: STANDINGS.uncalibrated,
   routers_cut: {

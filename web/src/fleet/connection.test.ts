@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import type { Robot } from '../api/types';
-import { connectionFace, CONNECTIONS, connectionOf, lastKnown } from './connection';
+import { awayText, connectionFace, CONNECTIONS, connectionOf, lastKnown } from './connection';
 import { BY_URGENCY, STANDINGS } from './standing';
 
 const NOW_MS = Date.parse('2026-11-22T12:00:00Z');
@@ -34,6 +34,12 @@ describe('a robot in maintenance', () => {
     expect(face(false).word).toBe('Online, in maintenance');
     expect(face(false).meaning).toContain('sends data');
     expect(connectionFace(heard(false, 'calibrated'), NOW_MS)).toBe(CONNECTIONS.online);
+    for (const stale of [true, false]) {
+      const text = awayText(heard(stale, 'calibrated', until), NOW_MS);
+      expect(text).toMatch(/^In maintenance until .*\d\d:\d\d: parked \(ada\)$/);
+    }
+    expect(awayText(heard(true, 'calibrated'), NOW_MS)).toMatch(/^Check that the robot is on/);
+    expect(awayText(heard(false, 'calibrated'), NOW_MS)).toBe('');
   });
 });
 

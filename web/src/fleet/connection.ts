@@ -2,7 +2,7 @@
 
 import type { Robot } from '../api/types';
 import type { Face, Tone } from '../ui/face';
-import { formatTime } from '../units/format';
+import { formatSaid, formatTime } from '../units/format';
 
 /** Connection of a robot, as displayed. */
 export type Connection = 'online' | 'silent' | 'maintenance';
@@ -65,6 +65,22 @@ export function connectionFace(robot: Heard & Pick<Robot, 'alive'>, now_ms: numb
   }
   if (connection !== 'silent' || !robot.alive) return face;
   return { ...face, meaning: 'The robot is connected, but sends no data.' };
+}
+
+/** Returns the end, reason and author of a robot's maintenance; empty outside one. */
+export function maintenanceText(robot: Heard, now_ms: number): string {
+  const maintenance = maintenanceOf(robot, now_ms);
+  if (!maintenance) return '';
+  const until = formatSaid(Date.parse(maintenance.until), now_ms);
+  return `In maintenance until ${until}: ${maintenance.reason} (${maintenance.by})`;
+}
+
+/** Returns what is to be known or done about a robot that is silent or in maintenance. */
+export function awayText(robot: Heard, now_ms: number): string {
+  const maintained = maintenanceText(robot, now_ms);
+  if (maintained !== '') return maintained;
+  const silent = connectionOf(robot, now_ms) === 'silent';
+  return silent ? 'Check that the robot is on and connected' : '';
 }
 
 const LAST_KNOWN: Record<Exclude<Connection, 'online'>, string> = {

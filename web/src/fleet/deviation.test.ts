@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import type { HistorySeries, ParameterStatus, Robot } from '../api/types';
 import type { AppliedStep } from '../robot/applied';
-import { along, deviationOf, deviations } from './deviation';
+import { along, deviationOf, deviations, tolerancesOff } from './deviation';
 
 const values = (lidar_x_m: number) => ({
   steering_offset_rad: 0,
@@ -66,26 +66,25 @@ describe('the deviation of a robot', () => {
     } as unknown as Robot;
   };
 
-  it('is that of the value which is farthest, in tolerances', () => {
-    const { each, worst, name } = deviationOf(robot([-0.3, 1.005, 0.075]), tolerance);
-    expect(each.map((one) => Number(one?.toFixed(3)))).toEqual([2, 0.5, 0, 0.5]);
-    expect(worst).toBeCloseTo(2);
-    expect(name).toBe('steering_offset');
+  it('is what the service says', () => {
+    const said = { deviation: { tolerances: 2.5, parameter: 'lidar_x' } } as Robot;
+    expect(deviationOf(said)).toEqual({ worst: 2.5, name: 'lidar_x' });
+    expect(deviationOf({ deviation: null })).toEqual({ worst: null, name: null });
   });
 
-  it('is nothing while the estimate, the values in use or the tolerance are not known', () => {
-    const none = { each: [null, null, null, null], worst: null, name: null };
-    expect(deviationOf(robot([1, 1, 1]), undefined)).toEqual(none);
+  it('has four signed parts, in tolerances', () => {
+    const off = tolerancesOff(robot([-0.3, 1.005, 0.075]), tolerance);
+    expect(off.map((one) => Number(one?.toFixed(3)))).toEqual([-2, 0.5, 0, 0.5]);
+    expect(tolerancesOff(robot([3, 1.005, 0], ['learning']), tolerance)[0]).toBeNull();
+  });
+
+  it('has no parts while the estimate, the values in use or the tolerance are not known', () => {
+    const none = [null, null, null, null];
+    expect(tolerancesOff(robot([1, 1, 1]), undefined)).toEqual(none);
     const unsaid = { ...robot([1, 1, 1]), calibration: { in_use: null } } as unknown as Robot;
-    expect(deviationOf(unsaid, tolerance)).toEqual(none);
+    expect(tolerancesOff(unsaid, tolerance)).toEqual(none);
     const unheard = { calibration: { in_use: values(1) } } as unknown as Robot;
-    expect(deviationOf(unheard, tolerance)).toEqual(none);
-  });
-
-  it('leaves out what is not converged', () => {
-    const { each, name } = deviationOf(robot([3, 1.005, 0], ['learning']), tolerance);
-    expect(each[0]).toBeNull();
-    expect(name).toBe('lidar_x');
+    expect(tolerancesOff(unheard, tolerance)).toEqual(none);
   });
 
   it('has a scale that ends', () => {

@@ -58,20 +58,17 @@ export function along(tolerances: number): number {
   return Math.min(1, Math.log1p(tolerances) / Math.log1p(SCALE_END));
 }
 
-/** Deviation of a robot's estimate from the calibration in use, in tolerances. */
+/** Deviation of a robot: that of the value which is farthest, as the service works it out. */
 export interface Deviation {
-  /** Size for each value, in the order of {@link CALIBRATED}; null for one that is not known. */
-  each: (number | null)[];
-  /** Largest of these; null while none is known. */
+  /** Size in tolerances; null while none is known. */
   worst: number | null;
   /** Name of that value. */
   name: Calibrated | null;
 }
 
 /**
- * Returns the signed deviation of each value from the calibration in use, in tolerances; null for a
- * value that is not converged or has nothing to compare with. The API has no such figure: it is the
- * pages' own, computed from the estimate, the values in use and the tolerance (`propose_beyond`).
+ * Returns the signed deviation of each value from the calibration in use, in tolerances, for a
+ * picture of all four; null for a value that is not converged or has nothing to compare with.
  */
 export function tolerancesOff(robot: Robot, tolerance: Tolerance | undefined): (number | null)[] {
   const compared = againstApplied(robot, tolerance);
@@ -83,9 +80,8 @@ export function tolerancesOff(robot: Robot, tolerance: Tolerance | undefined): (
 }
 
 /** Returns the present deviation of a robot. */
-export function deviationOf(robot: Robot, tolerance: Tolerance | undefined): Deviation {
-  const each = tolerancesOff(robot, tolerance).map((one) => one && Math.abs(one));
-  const worst = Math.max(-1, ...each.map((one) => one ?? -1));
-  if (worst < 0) return { each, worst: null, name: null };
-  return { each, worst, name: CALIBRATED[each.indexOf(worst)] ?? null };
+export function deviationOf({ deviation }: Pick<Robot, 'deviation'>): Deviation {
+  if (!deviation) return { worst: null, name: null };
+  const name = CALIBRATED.find((one) => one === deviation.parameter) ?? null;
+  return { worst: deviation.tolerances, name };
 }

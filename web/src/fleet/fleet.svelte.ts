@@ -253,10 +253,10 @@ class Fleet {
       if (robot) entry.robot = { ...robot, last_seen, stale: false };
       else this.#read(id);
     }
-    for (const [id, { state, standing, stale, alive }] of this.#states) {
+    for (const [id, { state, standing, deviation, stale, alive }] of this.#states) {
       const entry = this.#entry(id);
       if (!entry) continue;
-      entry.robot = { ...entry.robot, state, standing, stale, alive };
+      entry.robot = { ...entry.robot, state, standing, deviation: deviation ?? null, stale, alive };
     }
     this.#estimates.clear();
     this.#rows.clear();

@@ -3,7 +3,7 @@ import openapi from '../../openapi.json';
 import type { Parameter, Robot, RobotState, Standing } from '../api/types';
 import { faceOf } from '../ui/face';
 import type { Connection } from './connection';
-import { compare, counts, type Filter, filterOf, type Listed, matches, needs } from './list';
+import { counts, type Filter, filterOf, inView, type Listed, matches, needs } from './list';
 import { BY_URGENCY, needsPerson, STANDINGS } from './standing';
 import { STATUSES } from './states';
 
@@ -39,10 +39,11 @@ const entry = (
   maintained = connection === 'maintenance',
 ): Listed => ({ id, standing, connection, maintained });
 
+const byId = (robots: Listed[]) => new Map(robots.map((robot) => [robot.id, robot]));
 const listed = (robots: Listed[], filter: Filter) =>
-  robots.filter((robot) => matches(robot, filter)).toSorted(compare);
+  inView(byId(robots), null, '').filter((robot) => matches(robot, filter));
 
-const every: Filter = { state: null, connection: null, text: '' };
+const every: Filter = { state: null, connection: null, text: '', sort: '' };
 
 describe('the list of robots', () => {
   it('has the worst first, then ids as people count', () => {
@@ -55,7 +56,7 @@ describe('the list of robots', () => {
       entry('e', 'drift'),
       entry('f', 'estimator_failed'),
     ];
-    expect(listed(robots, every).map(({ id }) => id)).toEqual('e f c d b a9 a10'.split(' '));
+    expect(listed(robots, every).map(({ id }) => id)).toEqual('e f d c b a9 a10'.split(' '));
   });
 
   it('has robots in maintenance among those, also while they drive', () => {
@@ -70,11 +71,28 @@ describe('the list of robots', () => {
     expect(heard('online')).toEqual(['driving', 'other']);
   });
 
-  it('is filtered by state and by part of an id', () => {
+  it('is filtered by state', () => {
     const robots = [entry('Tugger_1', 'learning'), entry('tugger_2', 'calibrated')];
     expect(listed(robots, { ...every, state: 'learning' })).toHaveLength(1);
-    expect(listed(robots, { ...every, text: 'TUGGER' })).toHaveLength(2);
-    expect(listed(robots, { ...every, state: 'learning', text: '_2' })).toHaveLength(0);
+  });
+
+  it('has the robots and the order of a view that the service has evaluated', () => {
+    const robots = byId(['a', 'b', 'c'].map((id) => entry(id, id === 'b' ? 'drift' : 'learning')));
+    const ids = (of: string[], sort: string) => inView(robots, of, sort).map(({ id }) => id);
+    expect(ids(['c', 'a', 'gone'], '-deviation')).toEqual(['c', 'a']);
+    expect(ids(['c', 'b', 'a'], '')).toEqual(['b', 'a', 'c']);
+    expect(ids([], '')).toEqual([]);
+  });
+
+  it('has silent robots before those that need nobody, and after those that need somebody', () => {
+    const robots = [
+      entry('fine', 'calibrated'),
+      entry('parked', 'calibrated', 'maintenance'),
+      entry('silent', 'calibrated', 'silent'),
+      entry('waiting', 'awaiting_approval', 'silent'),
+    ];
+    const ids = listed(robots, every).map(({ id }) => id);
+    expect(ids).toEqual(['waiting', 'silent', 'fine', 'parked']);
   });
 
   it('is filtered by whether robots are heard, apart from how they stand', () => {
@@ -83,10 +101,13 @@ describe('the list of robots', () => {
   });
 
   it('reads its filter from the address', () => {
-    expect(filterOf(new URLSearchParams('state=changed&connection=silent&q=%20x'))).toEqual({
+    expect(
+      filterOf(new URLSearchParams('state=changed&connection=silent&q=%20x&sort=-age')),
+    ).toEqual({
       state: 'changed',
       connection: 'silent',
       text: 'x',
+      sort: '-age',
     });
     expect(filterOf(new URLSearchParams(''))).toEqual(every);
   });
@@ -125,10 +146,12 @@ describe('how a robot stands', () => {
   });
 
   it('asks for a person where somebody has to act', () => {
-    const asking: Standing[] = ['rollback_failed', 'drift', 'verification_failed', 'no_data'];
+    const asking: Standing[] = ['rollback_failed', 'drift', 'verification_failed'];
     asking.push('awaiting_approval', 'uncalibrated');
     expect(asking.filter(needsPerson)).toEqual(asking);
-    expect((['deploying', 'learning', 'calibrated'] as const).filter(needsPerson)).toEqual([]);
+    expect(
+      (['deploying', 'no_data', 'learning', 'calibrated'] as const).filter(needsPerson),
+    ).toEqual([]);
   });
 });
 

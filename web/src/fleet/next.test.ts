@@ -48,6 +48,16 @@ describe('the next step', () => {
     expect(text('awaiting_approval', { ...approver, approved: true }, robot(7))).toMatch(/second/);
   });
 
+  it('is about a robot that is away, unless a person has to decide', () => {
+    const away = 'Check that the robot is on and connected';
+    const of = (standing: Standing, given: Robot) =>
+      nextStep(given, standing, viewer, 'Verifying', away)?.text;
+    expect(of('learning', robot(null, 'drive a left turn'))).toBe(away);
+    expect(of('calibrated', robot())).toBe(away);
+    expect(of('awaiting_approval', robot(7))).toBe('Awaiting approval');
+    expect(of('fault', robot())).toBe('Check the sensor');
+  });
+
   it('is the progress of what is under way, then the motion that is needed', () => {
     expect(text('deploying', approver, robot(), 'Verifying, 37 of 60 m')).toBe(
       'Verifying, 37 of 60 m',

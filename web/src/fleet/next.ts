@@ -29,16 +29,20 @@ const ASKED: Partial<Record<Standing, string>> = {
   estimator_failed: 'Check why the estimator stopped',
   not_applied: 'Check why the robot did not apply it',
   out_of_sync: "Check the robot's agent",
-  no_data: 'Check that the robot is on and connected',
   fault: 'Check the sensor',
 };
 
-/** Returns the next step for `robot`, or null. A robot that needs a person always has one. */
+/**
+ * Returns the next step for `robot`, or null. A robot that needs a person always has one. `away` says
+ * what is to be known or done about a robot that is silent or in maintenance; it comes before motions
+ * that the robot should drive, and after what a person has to decide.
+ */
 export function nextStep(
   robot: Robot,
   standing: Standing,
   reader: Reader,
   progress: string,
+  away = '',
 ): Next | null {
   const step = (text: string, href: string | null = null, title = text): Next => ({
     text,
@@ -58,6 +62,7 @@ export function nextStep(
   }
   const asked = ASKED[standing];
   if (asked) return step(asked, page);
+  if (away !== '') return step(away);
   if (progress !== '') return step(progress);
   const wanted = needs(robot);
   if (wanted.length > 0) {

@@ -65,12 +65,6 @@ export const STANDINGS: Record<Standing, Face> = {
     tone: 'warn',
     meaning: 'The robot uses a different calibration from the expected one.',
   },
-  no_data: {
-    word: 'Silent',
-    shape: 'ring-broken',
-    tone: 'warn',
-    meaning: 'The robot is set up and sends no data.',
-  },
   fault: {
     word: 'Sensor fault',
     shape: 'bolt',
@@ -100,6 +94,12 @@ export const STANDINGS: Record<Standing, Face> = {
     shape: 'ring-dot',
     tone: 'warn',
     meaning: 'The estimate differs from the calibration in use by more than the tolerance.',
+  },
+  no_data: {
+    word: 'No data yet',
+    shape: 'ring-broken',
+    tone: 'quiet',
+    meaning: 'The robot is set up and has sent nothing that can be estimated from.',
   },
   learning: {
     word: 'Calibrating',

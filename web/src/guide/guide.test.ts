@@ -155,13 +155,11 @@ describe('the guide', () => {
     expect(mayDrive(guide(robot(false), events), false)).toBe('By hand only');
     expect(mayDrive(guide(robot(false), events), true)).toBe('Yes');
     // One that has not said what it uses is not known to.
-    const tolerance = { steering_offset_deg: 0.15, lidar_yaw_deg: 0.2, lidar_position_mm: 10 };
-    expect(usesEstimate(robot(false), tolerance)).toBe(false);
-    const in_use = { steering_offset_rad: 0, lidar_x_m: 0, lidar_y_m: 0, lidar_yaw_rad: 0 };
-    const calibration = { ...robot(false).calibration, in_use };
-    expect(usesEstimate(robot(false, { calibration }), tolerance)).toBe(true);
-    calibration.in_use.steering_offset_rad = 0.01;
-    expect(usesEstimate(robot(false, { calibration }), tolerance)).toBe(false);
+    expect(usesEstimate(robot(false))).toBe(false);
+    const off = (tolerances: number) =>
+      robot(false, { deviation: { tolerances, parameter: 'steering_offset' } });
+    expect(usesEstimate(off(1))).toBe(true);
+    expect(usesEstimate(off(3.8))).toBe(false);
   });
 
   it('is not done while a changed robot has something to learn, and is when it is unchanged', () => {

@@ -3,8 +3,8 @@
  * of the service alone, so that every phone shows the same.
  */
 
-import type { Manoeuvres, Robot, RobotDocument, Standing, Tolerance } from '../api/types';
-import type { Connection } from '../fleet/connection';
+import type { Manoeuvres, Robot, RobotDocument, Standing } from '../api/types';
+import { type Connection, CONNECTIONS } from '../fleet/connection';
 import { deviationOf } from '../fleet/deviation';
 import { needs } from '../fleet/list';
 import { STANDINGS } from '../fleet/standing';
@@ -74,8 +74,13 @@ export function obstacleOf(
   return name === undefined ? null : obstacleBy(name);
 }
 
+/** Face of an obstacle: a robot that sends nothing is silent, whatever is known of it. */
+function faceOfObstacle(standing: Standing): Face {
+  return standing === 'no_data' ? CONNECTIONS.silent : STANDINGS[standing];
+}
+
 function obstacleBy(standing: Standing): Obstacle {
-  return { standing, because: STANDINGS[standing].meaning, todo: OBSTACLES[standing] ?? '' };
+  return { standing, because: faceOfObstacle(standing).meaning, todo: OBSTACLES[standing] ?? '' };
 }
 
 /**
@@ -205,7 +210,7 @@ export const STAGES: Record<Exclude<Stage, 'blocked'>, Face> = {
 export function stageFace({ stage, obstacle, reassembly }: Guide): Face {
   if (stage === 'ask' && reassembly?.verdict === 'none') return VERDICTS.none;
   if (stage !== 'blocked') return STAGES[stage];
-  const tone = obstacle ? STANDINGS[obstacle.standing].tone : 'bad';
+  const tone = obstacle ? faceOfObstacle(obstacle.standing).tone : 'bad';
   const because = obstacle?.because ?? '';
   return {
     word: 'Cannot be calibrated',
@@ -248,7 +253,7 @@ export function isDone(
  * True if the robot is known to use what is estimated now, by the tolerance of proposals: false also
  * for one that has not said what it uses.
  */
-export function usesEstimate(robot: Robot, tolerance: Tolerance | undefined): boolean {
-  const { worst } = deviationOf(robot, tolerance);
+export function usesEstimate(robot: Robot): boolean {
+  const { worst } = deviationOf(robot);
   return worst !== null && worst <= 1;
 }

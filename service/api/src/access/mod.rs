@@ -2,10 +2,8 @@
 //! tokens.
 
 mod caller;
-mod cookie;
 mod document;
 mod guard;
-mod password;
 mod session;
 mod setup;
 mod sign_in;
@@ -22,9 +20,9 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::ApiState;
-use cookie::CookiePolicy;
+use crate::cookie::CookiePolicy;
+use crate::password::PasswordWork;
 use fleetcal_http::{CallerWrites, PublicUrl, SignInLimits};
-use password::PasswordWork;
 
 pub(super) use caller::{Caller, permission_ended};
 pub(super) use guard::{authorise, cross_origin_refused};

@@ -16,10 +16,10 @@ use serde::Deserialize;
 
 use super::caller::{Caller, http_request};
 use super::document::{CredentialKind, SessionDocument};
-use super::password::failed;
 use super::sign_in::verified;
 use crate::ApiState;
 use crate::extract::{Body, NoParameters, Parameters};
+use crate::password::failed;
 use crate::problem::Problem;
 use crate::time;
 

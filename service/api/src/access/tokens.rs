@@ -15,11 +15,11 @@ use serde::Deserialize;
 
 use super::caller::Caller;
 use super::document::{PageParameters, TokenDocument, TokenPage};
-use super::password::failed;
 use super::users::{NumberPath, checked_name, grant_refused};
 use crate::ApiState;
 use crate::extract::{Body, NoParameters, Parameters, idempotency_key};
 use crate::page::{cut, with_next};
+use crate::password::failed;
 use crate::problem::Problem;
 use crate::time;
 

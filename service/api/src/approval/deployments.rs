@@ -92,7 +92,7 @@ pub(super) async fn get_shadow(
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Result<Response, Problem> {
     known(&api, &id)?;
-    Ok(answer(&api, &id))
+    Ok(shadow_of(&api, &id))
 }
 
 /// Rolls a robot back to its former calibration: from the deployment under way, or else to the last
@@ -132,10 +132,11 @@ pub(super) async fn roll_back(
     api.lifecycle
         .decide(&id, command, caller.actor, None)
         .await?;
-    Ok(answer(&api, &id))
+    Ok(shadow_of(&api, &id))
 }
 
-fn answer(api: &ApiState, id: &RobotId) -> Response {
+/// Returns the shadow of a robot.
+pub(crate) fn shadow_of(api: &ApiState, id: &RobotId) -> Response {
     let ledger = api.lifecycle.ledger(id);
     let document = ShadowDocument::of(&ledger);
     versioned_json(StatusCode::OK, ledger.shadow.version, document)

@@ -17,6 +17,8 @@ use super::ApiState;
 pub(super) use document::CalibrationSummary;
 pub(super) use proposals::robot_named;
 
+pub(crate) use deployments::shadow_of;
+
 /// Routes of the life cycle.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()

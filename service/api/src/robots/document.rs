@@ -1,8 +1,6 @@
 //! Documents of a robot.
 
-use std::sync::Arc;
-
-use fleetcal_domain::approval::RobotLedger;
+use fleetcal_domain::deviation::Deviation;
 use fleetcal_domain::robot::{
     AnnouncedTopic, Counters, PairingReport, RobotConfig, RobotState, RobotView, StreamView,
     Warning,
@@ -10,7 +8,7 @@ use fleetcal_domain::robot::{
 use fleetcal_domain::standing::Standing;
 use fleetcal_fleet::Configured;
 use fleetcal_fleet::document::vehicle_document;
-use fleetcal_model::{Stream, Version, WallTime};
+use fleetcal_model::{Label, Stream, Tags, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{EstimateDocument, VehicleDocument};
 use fleetcal_store::RobotRecord;
@@ -18,6 +16,7 @@ use jiff::Timestamp;
 use serde::Serialize;
 
 use super::connection::ConnectionDocument;
+use super::view::Listed;
 use crate::approval::CalibrationSummary;
 use crate::cluster::Owners;
 use crate::time;
@@ -48,6 +47,20 @@ pub(super) struct RobotSummary {
     pub(super) estimate: Option<EstimateDocument>,
     /// Vehicle of the robot; absent before its configuration.
     vehicle: Option<VehicleDocument>,
+    /// Site of the robot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<String>)]
+    site: Option<Label>,
+    /// Type of the vehicle by its maker.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<String>)]
+    vehicle_type: Option<Label>,
+    /// Further groups of the robot.
+    #[schema(value_type = Vec<String>)]
+    tags: Tags,
+    /// Deviation of the estimate from the calibration in use; absent while no converged value can
+    /// be compared.
+    deviation: Option<Deviation>,
     /// Streams that it sends.
     streams: Vec<StreamDocument>,
     /// State of its calibration.
@@ -59,21 +72,18 @@ pub(super) struct RobotSummary {
 
 impl RobotSummary {
     /// Summary of a robot.
-    pub(super) fn of(
-        view: RobotView,
-        ledger: &RobotLedger,
-        standing: Standing,
-        owners: &Owners,
-        now: WallTime,
-    ) -> Self {
+    pub(super) fn of(robot: &Listed, owners: &Owners, now: WallTime) -> Self {
+        let Listed { view, ledger, .. } = robot;
+        let config = view.config.as_ref();
         Self {
-            standing,
+            standing: robot.standing,
             instance: owners.of(&view.id),
-            connection: ConnectionDocument::of(&view, ledger, now),
-            vehicle: view
-                .config
-                .as_ref()
-                .map(|config| vehicle_document(&config.vehicle())),
+            connection: ConnectionDocument::of(view, ledger, now),
+            vehicle: config.map(|config| vehicle_document(&config.vehicle())),
+            site: config.and_then(|config| config.site.clone()),
+            vehicle_type: config.and_then(|config| config.vehicle_type.clone()),
+            tags: config.map(|config| config.tags.clone()).unwrap_or_default(),
+            deviation: robot.deviation,
             streams: view
                 .connection
                 .streams
@@ -85,12 +95,12 @@ impl RobotSummary {
                 .verification
                 .as_ref()
                 .map(|(_, verification)| verification.distance_m),
-            id: view.id,
+            id: view.id.clone(),
             state: view.state,
             stale: view.connection.stale,
             alive: view.connection.alive,
             last_seen: view.connection.last_heard().map(time::of),
-            estimate: view.estimate.map(Arc::unwrap_or_clone),
+            estimate: view.estimate.as_deref().cloned(),
         }
     }
 }
@@ -128,13 +138,12 @@ pub(super) struct RobotDocument {
 impl RobotDocument {
     /// Document of a robot and its stored record.
     pub(super) fn of(
-        view: RobotView,
+        robot: &Listed,
         record: Option<&RobotRecord>,
-        ledger: &RobotLedger,
-        standing: Standing,
         owners: &Owners,
         now: WallTime,
     ) -> Self {
+        let view = &robot.view;
         let configured = record
             .filter(|record| record.version > Version(0))
             .map(|record| record.updated_ns);
@@ -148,7 +157,7 @@ impl RobotDocument {
             warnings: view.warnings.clone(),
             topics: view.topics.to_vec(),
             estimate_begins_again_by: Vec::new(),
-            summary: RobotSummary::of(view, ledger, standing, owners, now),
+            summary: RobotSummary::of(robot, owners, now),
         }
     }
 
@@ -196,6 +205,9 @@ pub(crate) struct RobotStateDocument {
     state: RobotState,
     /// Standing of the robot, in one word.
     standing: Standing,
+    /// Deviation of the estimate from the calibration in use; absent while no converged value can
+    /// be compared.
+    deviation: Option<Deviation>,
     /// True if nothing was received for some seconds.
     stale: bool,
     /// True if its liveliness token is present.
@@ -203,12 +215,13 @@ pub(crate) struct RobotStateDocument {
 }
 
 impl RobotStateDocument {
-    /// Document of a robot with this standing.
-    pub(crate) fn of(view: &RobotView, standing: Standing) -> Self {
+    /// Document of a robot with this standing and deviation.
+    pub(crate) fn of(view: &RobotView, standing: Standing, deviation: Option<Deviation>) -> Self {
         Self {
             robot: view.id.clone(),
             state: view.state,
             standing,
+            deviation,
             stale: view.connection.stale,
             alive: view.connection.alive,
         }
@@ -222,5 +235,10 @@ impl RobotStateDocument {
     /// Standing of the robot.
     pub(crate) const fn standing(&self) -> Standing {
         self.standing
+    }
+
+    /// Deviation of the robot.
+    pub(crate) const fn deviation(&self) -> Option<Deviation> {
+        self.deviation
     }
 }

@@ -1,66 +1,58 @@
-//! Route `GET /robots`: every robot, the worst first.
+//! Route `GET /robots`: the robots of a view, in its order, as pages or as a file.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use axum::Json;
+use axum::body::Bytes;
 use axum::extract::State;
-use fleetcal_domain::approval::RobotLedger;
-use fleetcal_domain::robot::{ConnectionState, RobotState, RobotView};
+use axum::response::{IntoResponse, Response};
+use fleetcal_domain::robot::{ConnectionState, RobotState};
 use fleetcal_domain::standing::Standing;
-use fleetcal_model::WallTime;
+use fleetcal_http::csv;
+use fleetcal_view::{COLUMNS, Position, Sort};
+use futures::stream;
 use serde::{Deserialize, Serialize};
 
-use super::connection::connection_state;
 use super::document::RobotSummary;
+use super::view::{Listed, in_view, query_of, sort_of};
 use crate::ApiState;
+use crate::access::Caller;
 use crate::cluster::Owners;
+use crate::export::Export;
 use crate::extract::Parameters;
 use crate::page::{cut, page_limit};
 use crate::problem::Problem;
-
-const STATES: [RobotState; 6] = [
-    RobotState::Failed,
-    RobotState::Changed,
-    RobotState::NoData,
-    RobotState::Unregistered,
-    RobotState::Learning,
-    RobotState::Calibrated,
-];
 
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ListParameters {
+    /// Query for the robots, such as `model:tricycle site:hamburg deviation>1`; all robots unless
+    /// given.
+    #[param(max_length = 2000)]
+    q: Option<String>,
     /// State of the robots.
     #[param(value_type = Option<RobotState>)]
     state: Option<String>,
     /// Standing of the robots.
     #[param(value_type = Option<Standing>)]
     standing: Option<String>,
-    /// Connection state of the robots.
+    /// Connection state of the robots; those in maintenance, whether they send or not, for
+    /// `maintenance`.
     #[param(value_type = Option<ConnectionState>)]
     connection: Option<String>,
-    /// Order: `severity` (by standing, the most urgent first, then by id) or `id`; by id unless
-    /// given.
-    #[param(value_type = Option<SortSchema>)]
+    /// Order: `id`, `severity` (by standing, the most urgent first), `deviation`, `age` (time since
+    /// the last message), `site`, `type` or `model`, with `-` before it for the opposite; robots
+    /// without the property come last, equal ones by id. By id unless given.
     sort: Option<String>,
     /// Robots of a page, 1 to 1000.
     #[param(value_type = Option<u32>)]
     limit: Option<String>,
     /// Value of `next` of the previous page.
     cursor: Option<String>,
-}
-
-/// Order of a list of robots.
-#[derive(utoipa::ToSchema)]
-#[schema(as = RobotSort, rename_all = "snake_case")]
-#[expect(dead_code, reason = "a schema")]
-pub(crate) enum SortSchema {
-    /// Order by standing, the most urgent first, then by id.
-    Severity,
-    /// Order by id.
-    Id,
+    /// Format: `json`, or `csv` for all robots of the view as a file; `json` unless given.
+    #[param(value_type = Option<String>)]
+    format: Option<String>,
 }
 
 /// Page of robots.
@@ -71,13 +63,14 @@ pub(super) struct RobotPage {
     /// Value of `cursor` for the next page; absent on the last one.
     #[serde(skip_serializing_if = "Option::is_none")]
     next: Option<String>,
-    /// Number of robots in each state, independent of the filters.
+    /// Number of robots of `q` in each state, independent of the other filters.
     #[schema(value_type = BTreeMap<String, usize>)]
     counts: BTreeMap<&'static str, usize>,
-    /// Number of robots of each standing, independent of the filters.
+    /// Number of robots of `q` of each standing, independent of the other filters.
     #[schema(value_type = BTreeMap<String, usize>)]
     standings: BTreeMap<&'static str, usize>,
-    /// Number of robots of each connection state, independent of the filters.
+    /// Number of robots of `q` of each connection state, independent of the other filters. A robot
+    /// in maintenance that sends counts under both.
     #[schema(value_type = BTreeMap<String, usize>)]
     connections: BTreeMap<&'static str, usize>,
 }
@@ -89,128 +82,150 @@ pub(super) struct RobotPage {
     tag = "robots",
     params(ListParameters),
     responses(
-        (status = OK, description = "A page of robots", body = RobotPage),
+        (status = OK, description = "A page of robots; with `format=csv` a file",
+            content((RobotPage = "application/json"), (String = "text/csv"))),
+        (status = TOO_MANY_REQUESTS, description = "The caller fetches too many files"),
+        (status = SERVICE_UNAVAILABLE,
+            description = "Too many files are written, or the database is unavailable"),
     )
 )]
 pub(super) async fn list_robots(
     State(api): State<ApiState>,
-    Parameters(query): Parameters<ListParameters>,
-) -> Result<Json<RobotPage>, Problem> {
-    let state = query.state.as_deref().map(state_named).transpose()?;
-    let standing = query.standing.as_deref().map(standing_named).transpose()?;
-    let connection = query.connection.as_deref();
-    let connection = connection.map(connection_named).transpose()?;
-    let by_severity = match query.sort.as_deref() {
-        None | Some("id") => false,
-        Some("severity") => true,
-        Some(other) => return Err(Problem::refused("sort", other, "severity or id")),
+    Parameters(parameters): Parameters<ListParameters>,
+    caller: Caller,
+) -> Result<Response, Problem> {
+    let query = query_of(parameters.q.as_deref())?;
+    let sort = sort_of(parameters.sort.as_deref())?;
+    let filter = Filter::of(&parameters)?;
+    let as_csv = match parameters.format.as_deref() {
+        None | Some("json") => false,
+        Some("csv") => true,
+        Some(other) => return Err(Problem::refused("format", other, "json or csv")),
     };
-    let limit = page_limit(query.limit.as_deref())?;
-    let after = query.cursor.as_deref().map(position_of).transpose()?;
+    let limit = page_limit(parameters.limit.as_deref())?;
+    let after = parameters.cursor.as_deref().map(position_of).transpose()?;
 
     let now = api.clock.now();
-    let robots = listed(&api, now);
-    let counts = count_names(&STATES, &robots, RobotState::name, |one| one.view.state);
-    let standings = count_names(Standing::ALL, &robots, Standing::as_str, |one| one.standing);
-    let all = ConnectionState::ALL;
-    let connections = count_names(all, &robots, ConnectionState::name, |one| one.heard);
-    let place = |robot: &Listed| {
-        let rank = if by_severity { robot.standing as u8 } else { 0 };
-        (rank, robot.view.id.as_str().to_owned())
-    };
-    let mut chosen: Vec<_> = robots
-        .into_iter()
-        .filter(|robot| state.is_none_or(|state| robot.view.state == state))
-        .filter(|robot| standing.is_none_or(|standing| robot.standing == standing))
-        .filter(|robot| connection.is_none_or(|connection| robot.heard == connection))
-        .map(|robot| (place(&robot), robot))
-        .filter(|(place, _)| after.as_ref().is_none_or(|after| place > after))
-        .collect();
-    chosen.sort_by(|(a, _), (b, _)| a.cmp(b));
-    let next = cut(&mut chosen, limit, |((rank, id), _)| format!("{rank}.{id}"));
+    let robots = in_view(&api, &query, now);
+    if as_csv {
+        let export = Export::begin(&api, caller)?;
+        return Ok(as_file(export, in_order(&robots, filter, sort)));
+    }
+    let mut chosen = in_order(&robots, filter, sort);
+    chosen.retain(|(place, _)| after.as_ref().is_none_or(|after| place > after));
+    let next = cut(&mut chosen, limit, |(place, _)| place.to_string());
     let owners = Owners::now(&api.membership);
-    let items = chosen
-        .into_iter()
-        .map(|(_, robot)| {
-            let (view, standing) = (robot.view, robot.standing);
-            RobotSummary::of(view, &robot.ledger, standing, &owners, now)
-        })
-        .collect();
-    Ok(Json(RobotPage {
-        items,
+    let items = chosen.into_iter();
+    let items = items.map(|(_, robot)| RobotSummary::of(robot, &owners, now));
+    let page = RobotPage {
+        items: items.collect(),
         next,
-        counts,
-        standings,
-        connections,
-    }))
+        counts: count(RobotState::ALL, &robots, RobotState::name, |robot, one| {
+            robot.view.state == one
+        }),
+        standings: count(Standing::ALL, &robots, Standing::as_str, |robot, one| {
+            robot.standing == one
+        }),
+        connections: count(
+            ConnectionState::ALL,
+            &robots,
+            ConnectionState::name,
+            |robot, one| robot.properties().is_connected(one),
+        ),
+    };
+    Ok(Json(page).into_response())
 }
 
-/// Robot with the properties that lists filter and sort by.
-struct Listed {
-    view: RobotView,
-    ledger: Arc<RobotLedger>,
-    standing: Standing,
-    heard: ConnectionState,
+/// Filters of the list beside its query.
+#[derive(Clone, Copy)]
+struct Filter {
+    state: Option<RobotState>,
+    standing: Option<Standing>,
+    connection: Option<ConnectionState>,
 }
 
-fn listed(api: &ApiState, now: WallTime) -> Vec<Listed> {
-    let standings = api.evaluator.standings();
-    let robots = api.fleet.robots().into_iter();
-    let listed = robots.map(|view| {
-        let ledger = api.lifecycle.ledger(&view.id);
-        Listed {
-            standing: standings.of(&view, &ledger),
-            heard: connection_state(&view, &ledger, now),
-            view,
-            ledger,
-        }
+impl Filter {
+    fn of(parameters: &ListParameters) -> Result<Self, Problem> {
+        let ListParameters {
+            state,
+            standing,
+            connection,
+            ..
+        } = parameters;
+        Ok(Self {
+            state: named("state", state.as_deref(), RobotState::ALL, RobotState::name)?,
+            standing: named(
+                "standing",
+                standing.as_deref(),
+                Standing::ALL,
+                Standing::as_str,
+            )?,
+            connection: named(
+                "connection",
+                connection.as_deref(),
+                ConnectionState::ALL,
+                ConnectionState::name,
+            )?,
+        })
+    }
+
+    fn passes(self, robot: &Listed) -> bool {
+        let connected = |state| robot.properties().is_connected(state);
+        self.state.is_none_or(|state| robot.view.state == state)
+            && self.standing.is_none_or(|one| robot.standing == one)
+            && self.connection.is_none_or(connected)
+    }
+}
+
+/// Robots that pass a filter, with their positions in the list.
+fn in_order(robots: &[Listed], filter: Filter, sort: Sort) -> Vec<(Position, &Listed)> {
+    let passing = robots.iter().filter(|robot| filter.passes(robot));
+    let placed = passing.map(|robot| (sort.position(&robot.properties()), robot));
+    let mut placed: Vec<_> = placed.collect();
+    placed.sort_by(|(a, _), (b, _)| a.cmp(b));
+    placed
+}
+
+fn as_file(export: Export, robots: Vec<(Position, &Listed)>) -> Response {
+    let rows = robots.into_iter().map(|(_, robot)| {
+        let fields = fleetcal_view::fields(&robot.view, &robot.properties(), robot.deviation);
+        csv::line(fields.iter().map(String::as_str))
     });
-    listed.collect()
+    let lines: Vec<String> = std::iter::once(csv::line(COLUMNS)).chain(rows).collect();
+    let pieces = stream::iter(lines.into_iter().map(|line| Ok(Bytes::from(line))));
+    csv::file(csv::CSV, "robots.csv", export.body(pieces))
 }
 
 /// Number of robots of each value; 0 for values without any.
-fn count_names<T: Copy>(
+fn count<T: Copy>(
     all: &[T],
     robots: &[Listed],
     name: fn(T) -> &'static str,
-    of: fn(&Listed) -> T,
+    is: fn(&Listed, T) -> bool,
 ) -> BTreeMap<&'static str, usize> {
-    let mut counts: BTreeMap<_, _> = all.iter().map(|one| (name(*one), 0)).collect();
-    for robot in robots {
-        *counts.entry(name(of(robot))).or_default() += 1;
-    }
-    counts
+    let count = |one: T| robots.iter().filter(|robot| is(robot, one)).count();
+    all.iter().map(|one| (name(*one), count(*one))).collect()
 }
 
-fn standing_named(name: &str) -> Result<Standing, Problem> {
-    Standing::parse(name).ok_or_else(|| {
-        let accepted: Vec<_> = Standing::ALL.iter().map(|one| one.as_str()).collect();
-        let accepted = accepted.join(", ");
-        Problem::refused("standing", name, &format!("one of {accepted}"))
+/// Value of a filter by its name.
+fn named<T: Copy>(
+    field: &str,
+    text: Option<&str>,
+    all: &[T],
+    name: fn(T) -> &'static str,
+) -> Result<Option<T>, Problem> {
+    let Some(text) = text else {
+        return Ok(None);
+    };
+    let found = all.iter().copied().find(|one| name(*one) == text);
+    found.map(Some).ok_or_else(|| {
+        let accepted: Vec<_> = all.iter().map(|one| name(*one)).collect();
+        Problem::refused(field, text, &format!("one of {}", accepted.join(", ")))
     })
 }
 
-fn connection_named(name: &str) -> Result<ConnectionState, Problem> {
-    let mut all = ConnectionState::ALL.iter().copied();
-    all.find(|one| one.name() == name)
-        .ok_or_else(|| Problem::refused("connection", name, "one of online, silent, maintenance"))
-}
-
-fn state_named(name: &str) -> Result<RobotState, Problem> {
-    STATES
-        .into_iter()
-        .find(|state| state.name() == name)
-        .ok_or_else(|| {
-            let accepted = STATES.map(RobotState::name).join(", ");
-            Problem::refused("state", name, &format!("one of {accepted}"))
-        })
-}
-
 /// Position in the list that a cursor names.
-fn position_of(cursor: &str) -> Result<(u8, String), Problem> {
-    let position = cursor.split_once('.').and_then(|(rank, id)| {
-        let rank = rank.parse().ok()?;
-        Some((rank, id.to_owned()))
-    });
-    position.ok_or_else(|| Problem::refused("cursor", cursor, "`next` of the page before"))
+fn position_of(cursor: &str) -> Result<Position, Problem> {
+    let refused = || Problem::refused("cursor", cursor, "`next` of the page before");
+    cursor.parse().map_err(|_| refused())
 }

@@ -10,9 +10,12 @@ mod events;
 mod history;
 mod list;
 mod manoeuvres;
+mod moments;
 mod recording;
 mod registration;
+mod support;
 mod top_view;
+mod view;
 
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -22,13 +25,13 @@ use super::ApiState;
 pub(super) use connection::connection_state;
 pub(super) use document::RobotStateDocument;
 pub(super) use events::EventDocument;
-pub(super) use list::SortSchema;
 pub(super) use recording::Recordings;
 
 /// Routes under `/robots`.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(list::list_robots))
+        .routes(routes!(view::get_view))
         .routes(routes!(registration::get_robot, registration::put_robot))
         .routes(routes!(
             description::get_description,
@@ -41,6 +44,9 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(manoeuvres::get_manoeuvres))
         .routes(routes!(top_view::get_top_view))
         .routes(routes!(recording::get_recording))
+        .routes(routes!(moments::list_moments, moments::keep_moment))
+        .routes(routes!(moments::get_moment))
+        .routes(routes!(support::get_support))
         .routes(routes!(connection::put_maintenance))
         .routes(routes!(events::list_events, events::post_event))
 }

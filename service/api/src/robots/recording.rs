@@ -55,10 +55,10 @@ pub(super) struct RecordingParameters {
 #[expect(dead_code, reason = "a schema; the file is written piece by piece")]
 pub(super) struct RecordingFile(Vec<u8>);
 
-/// Records a robot from now on and returns the recording while it is written: an MCAP file that
-/// Foxglove opens.
+/// Records a robot from now on and returns the recording while it is written: an MCAP file of ROS 2
+/// messages in CDR, which Foxglove, `rosbag2` and `rosbags` open.
 ///
-/// It has the robot's own messages, `/tf`, `/{robot}/estimate` and `/{robot}/events`, all logged by
+/// It has the robot's own messages, those in JSON converted, `/tf`, `/{robot}/estimate` and `/{robot}/events`, all logged by
 /// the robot's clock. It is complete after `duration_s`, at 1 GiB, or when the permission ends, for
 /// clients that read the rest within 30 s; and when the service stops, for clients that do within 2
 /// s. Otherwise, and if nothing is read for 30 s, the connection is closed and the file lacks its

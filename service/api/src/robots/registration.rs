@@ -14,6 +14,7 @@ use fleetcal_proto::RobotId;
 use fleetcal_store::Expected;
 
 use super::document::RobotDocument;
+use super::view::Listed;
 use crate::ApiState;
 use crate::access::Caller;
 use crate::cluster::Owners;
@@ -178,12 +179,10 @@ async fn answer(
         .fleet
         .robot(id)
         .ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
-    let ledger = api.lifecycle.ledger(id);
-    let standing = api.evaluator.standings().of(&view, &ledger);
     let now = api.clock.now();
     let owners = Owners::now(&api.membership);
-    let document = RobotDocument::of(view, record.as_ref(), &ledger, standing, &owners, now)
-        .configured(configured);
+    let robot = Listed::of(api, view, now);
+    let document = RobotDocument::of(&robot, record.as_ref(), &owners, now).configured(configured);
     Ok(versioned_json(
         status,
         record.map_or(Version(0), |record| record.version),

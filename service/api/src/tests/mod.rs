@@ -11,6 +11,7 @@ mod description;
 mod export;
 mod metrics;
 mod metrics_text;
+mod moments;
 mod notes;
 mod permission;
 mod policy;
@@ -21,6 +22,7 @@ mod service;
 mod standing;
 mod stream;
 mod trace;
+mod views;
 mod writes;
 
 use std::collections::BTreeMap;
@@ -40,6 +42,7 @@ use fleetcal_estimator::EstimatorSettings;
 use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_http::TrustedProxies;
 use fleetcal_model::WallTime;
+use fleetcal_moments::Moments;
 use fleetcal_operations::accounts::{KeepSetupCode, TokenChange, change_token};
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
 use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
@@ -63,6 +66,8 @@ const NOW_NS: i64 = 1_767_225_600_000_000_000;
 /// Service without its Zenoh link. Requests without a credential of their own are sent with the
 /// token of an administrator named "tester".
 struct Bench {
+    /// Data folder of the moments.
+    _data: tempfile::TempDir,
     setup: ApiSetup,
     routes: Router,
     fleet: FleetHandle,
@@ -136,6 +141,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
     let (evaluator, dispatcher) = watchers(&store, &fleet, &lifecycle, &clock).await;
     let (link_open, is_open) = watch::channel(true);
     let stop = CancellationToken::new();
+    let data = tempfile::tempdir().unwrap();
     let (setup_code, setup_text) = SetupCode::new(&[0xab; 32], WallTime(NOW_NS));
     assert!(store.transact(KeepSetupCode(setup_code)).await.unwrap());
     let setup = ApiSetup {
@@ -147,6 +153,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         lifecycle: lifecycle.clone(),
         evaluator,
         dispatcher,
+        moments: Moments::start(data.path(), fleet.clone(), clock.clone()).unwrap(),
         store: store.clone(),
         clock: clock.clone(),
         link_open: is_open,
@@ -159,6 +166,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
     let routes = router(setup.clone());
     let token = token(&store, "tester", grant(Role::Admin), None).await;
     Bench {
+        _data: data,
         setup,
         routes,
         fleet,

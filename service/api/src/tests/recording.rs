@@ -6,6 +6,7 @@ use fleetcal_domain::limits;
 use fleetcal_model::{NoteKind, RobotTime, Stream};
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::event::RobotEvent;
+use fleetcal_proto::ros::{AckermannDriveStamped, Log, RosMessage};
 use fleetcal_robot::recording::Recording;
 
 use super::access::signed_in;
@@ -80,12 +81,14 @@ async fn what_came_is_in_the_file_which_ends_with_the_service() {
     let recording = Recording::open(&path).unwrap();
     assert_eq!(recording.count(&["/a/wheel_odometry"]), 10);
     let events = recording.messages(&["/a/events"]).unwrap();
-    let events = events.map(|event| String::from_utf8(event.unwrap().payload).unwrap());
-    let noted = events.filter(|event| event.contains("maintenance: greased"));
+    let events = events.map(|event| Log::from_cdr(&event.unwrap().payload).unwrap());
+    let noted = events.filter(|event| event.msg == "maintenance: greased");
     assert_eq!(noted.count(), 1);
     assert_eq!(recording.start_ns(), 1_000_000_000_000);
     let mut drives = recording.messages(&["/a/wheel_odometry"]).unwrap();
-    assert_eq!(drives.next().unwrap().unwrap().payload, drive(1_000));
+    // What came in JSON is kept in CDR, as all of the file.
+    let sent = AckermannDriveStamped::from_json(&drive(1_000)).unwrap();
+    assert_eq!(drives.next().unwrap().unwrap().payload, sent.to_cdr());
 }
 
 #[tokio::test]

@@ -196,9 +196,9 @@ async fn a_top_view_is_drawn_up_for_all_who_ask() {
 async fn the_list_refuses_by_name() {
     let bench = bench(&[]).await;
     let told = async |query: &str| bench.get(&format!("/api/v1/robots?{query}")).await.told();
-    assert_snapshot!(told("stat=failed").await, @"400 query_refused [stat]: the query: unknown field `stat`, expected one of `state`, `standing`, `connection`, `sort`, `limit`, `cursor`");
-    assert_snapshot!(told("state=broken").await, @r#"400 value_refused [state]: state: got "broken", expected one of failed, changed, no_data, unregistered, learning, calibrated"#);
-    assert_snapshot!(told("sort=name").await, @r#"400 value_refused [sort]: sort: got "name", expected severity or id"#);
+    assert_snapshot!(told("stat=failed").await, @"400 query_refused [stat]: the query: unknown field `stat`, expected one of `q`, `state`, `standing`, `connection`, `sort`, `limit`, `cursor`, `format`");
+    assert_snapshot!(told("state=broken").await, @r#"400 value_refused [state]: state: got "broken", expected one of unregistered, no_data, failed, changed, learning, calibrated"#);
+    assert_snapshot!(told("sort=name").await, @r#"400 value_refused [sort]: sort: got "name", expected one of id, severity, deviation, age, site, type, model, with - before it for the opposite"#);
     assert_snapshot!(told("limit=0").await, @r#"400 value_refused [limit]: limit: got "0", expected a whole number from 1 to 1000"#);
     assert_snapshot!(told("limit=ten").await, @r#"400 value_refused [limit]: limit: got "ten", expected a whole number from 1 to 1000"#);
     assert_snapshot!(told("cursor=x").await, @r#"400 value_refused [cursor]: cursor: got "x", expected `next` of the page before"#);
@@ -320,11 +320,11 @@ async fn a_configuration_is_refused_by_field() {
             .told()
     };
     assert_snapshot!(told("{").await, @"400 body_refused: the body: EOF while parsing an object at line 1 column 1");
-    assert_snapshot!(told("[]").await, @"422 body_refused: the body: invalid length 0, expected struct RobotConfig with 10 elements at line 1 column 2");
+    assert_snapshot!(told("[]").await, @"422 body_refused: the body: invalid length 0, expected struct RobotConfig with 13 elements at line 1 column 2");
     assert_snapshot!(told(r#"{"model": "bicycle"}"#).await, @"422 body_refused: the body: missing field `wheelbase_m` at line 1 column 20");
     assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": -1}"#).await, @"422 body_refused [wheelbase_m]: the body: wheelbase_m: got -1, expected more than 0 and at most 30 m at line 1 column 39");
     assert_snapshot!(told(r#"{"model": "hovercraft", "wheelbase_m": 1}"#).await, @"422 body_refused [model]: the body: unknown variant `hovercraft`, expected `bicycle` or `tricycle` at line 1 column 22");
-    assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": 1, "colour": "red"}"#).await, @"422 body_refused [colour]: the body: unknown field `colour`, expected one of `model`, `wheelbase_m`, `speed_measured_at`, `nominal`, `nominal_extrinsics`, `drive`, `wheel_odometry`, `rear_axle_in_base_link`, `scan_type`, `point_cloud`, `streams`, `estimator` at line 1 column 47");
+    assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": 1, "colour": "red"}"#).await, @"422 body_refused [colour]: the body: unknown field `colour`, expected one of `model`, `wheelbase_m`, `speed_measured_at`, `nominal`, `nominal_extrinsics`, `drive`, `wheel_odometry`, `rear_axle_in_base_link`, `scan_type`, `point_cloud`, `site`, `vehicle_type`, `tags`, `streams`, `estimator` at line 1 column 47");
     assert_eq!(bench.store.load_robot(&robot("a")).await.unwrap(), None);
 }
 

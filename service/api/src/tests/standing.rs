@@ -43,7 +43,7 @@ impl Bench {
         page["standing"].as_str().unwrap().to_owned()
     }
 
-    async fn propose_for(&self, name: &str) {
+    pub(super) async fn propose_for(&self, name: &str) {
         let command = Command::Propose {
             origin: Origin::Person,
             values: CalibrationValues::default(),
@@ -59,7 +59,7 @@ impl Bench {
         done.unwrap();
     }
 
-    async fn maintain(&self, name: &str, hours: u64) {
+    pub(super) async fn maintain(&self, name: &str, hours: u64) {
         let until = crate::time::of(self.clock.now().plus(Duration::from_hours(hours)));
         let body = format!(r#"{{"until": "{until}", "reason": "parked"}}"#);
         let uri = format!("/api/v1/robots/{name}/maintenance");
@@ -69,25 +69,22 @@ impl Bench {
 }
 
 #[tokio::test]
-async fn a_change_is_told_whether_an_event_or_the_clock_brings_it() {
+async fn a_change_is_told_and_a_maintenance_hides_none() {
     let bench = bench(&["a"]).await;
     assert_eq!(bench.stands("a").await, "no_data");
     let mut stream = bench.begin(FLEET, &[]).await;
     assert_eq!(next_event(&mut stream).await.0, "ready");
     bench.maintain("a", 8).await;
-    told(&mut stream, "a", "learning").await;
-    assert_eq!(bench.stands("a").await, "learning");
+    assert_eq!(bench.stands("a").await, "no_data");
     bench.propose_for("a").await;
     let state = told(&mut stream, "a", "awaiting_approval").await;
     assert_eq!(
-        (&state["state"], &state["stale"]),
-        (&"no_data".into(), &true.into())
+        (&state["state"], &state["stale"], &state["deviation"]),
+        (&"no_data".into(), &true.into(), &Value::Null)
     );
     assert_eq!(bench.stands("a").await, "awaiting_approval");
-    // No event tells that a maintenance has ended by itself.
     bench.clock.advance(Duration::from_hours(8));
-    told(&mut stream, "a", "no_data").await;
-    assert_eq!(bench.stands("a").await, "no_data");
+    assert_eq!(bench.stands("a").await, "awaiting_approval");
 }
 
 #[tokio::test]
@@ -106,13 +103,12 @@ async fn a_robot_that_nobody_has_registered_is_told_too() {
 #[tokio::test]
 async fn what_changed_while_nobody_listened_is_told_to_who_read_before_it() {
     let bench = bench(&["a"]).await;
-    bench.maintain("a", 8).await;
     let first = bench.begin(FLEET, &[]).await;
     drop(first);
     let mut stream = bench.begin(FLEET, &[]).await;
-    assert_eq!(bench.stands("a").await, "learning");
-    bench.clock.advance(Duration::from_hours(8));
-    told(&mut stream, "a", "no_data").await;
+    assert_eq!(bench.stands("a").await, "no_data");
+    bench.propose_for("a").await;
+    told(&mut stream, "a", "awaiting_approval").await;
 }
 
 #[tokio::test]
@@ -128,10 +124,10 @@ async fn the_list_counts_filters_and_sorts_by_it() {
             .map(|item| item["id"].as_str().unwrap().to_owned())
             .collect()
     };
-    assert_eq!(names(&list), ["a", "c", "b"]);
+    assert_eq!(names(&list), ["c", "a", "b"]);
     let counts = list["standings"].as_object().unwrap();
     assert_eq!(counts.len(), Standing::ALL.len());
-    for (standing, count) in [("no_data", 1), ("awaiting_approval", 1), ("learning", 1)] {
+    for (standing, count) in [("no_data", 2), ("awaiting_approval", 1), ("learning", 0)] {
         assert_eq!(counts[standing], count, "{standing}");
     }
     let first = bench
@@ -143,7 +139,7 @@ async fn the_list_counts_filters_and_sorts_by_it() {
         .get(&format!("/api/v1/robots?sort=severity&cursor={next}"))
         .await
         .json();
-    assert_eq!(names(&rest), ["c", "b"]);
+    assert_eq!(names(&rest), ["a", "b"]);
     let waiting = bench
         .get("/api/v1/robots?standing=awaiting_approval")
         .await

@@ -101,6 +101,11 @@ mod tests {
             (r#""model""#, r#""estimator": {}, "model""#, None),
             (
                 r#""model""#,
+                r#""site": "Hamburg", "vehicle_type": "EKX", "tags": ["a"], "model""#,
+                None,
+            ),
+            (
+                r#""model""#,
                 r#""speed_measured_at": "rear_axle", "model""#,
                 None,
             ),

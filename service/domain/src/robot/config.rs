@@ -6,6 +6,7 @@ use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::point_cloud::PlanarBand;
 use fleetcal_estimator::vehicle::SpeedMeasuredAt;
 use fleetcal_estimator::{EstimatorSettings, Pose2, Vehicle, VehicleModel};
+use fleetcal_model::{Label, Tags};
 use fleetcal_proto::message_type::ScanType;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -208,6 +209,18 @@ pub struct RobotConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<BandFields>))]
     pub point_cloud: Option<PlanarBand>,
+    /// Site of the robot, 1 to 64 characters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<String>, min_length = 1, max_length = 64, examples("Hamburg")))]
+    pub site: Option<Label>,
+    /// Type of the vehicle by its maker, 1 to 64 characters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<String>, min_length = 1, max_length = 64, examples("EKX 516")))]
+    pub vehicle_type: Option<Label>,
+    /// Further groups of the robot: at most 16 tags, each 1 to 64 characters.
+    #[serde(default, skip_serializing_if = "Tags::is_empty")]
+    #[cfg_attr(feature = "openapi", schema(required = false, value_type = Vec<String>, max_items = 16))]
+    pub tags: Tags,
     /// ROS 2 topics of the robot, if they differ from those of `[ros2]`.
     #[serde(default, skip_serializing_if = "RobotStreams::is_default")]
     #[cfg_attr(feature = "openapi", schema(required = false, value_type = StreamsFields))]
@@ -231,6 +244,9 @@ impl RobotConfig {
             rear_axle_in_base_link: None,
             scan_type: ScanType::default(),
             point_cloud: None,
+            site: None,
+            vehicle_type: None,
+            tags: Tags::default(),
             streams: RobotStreams::default(),
             estimator: None,
         }
@@ -303,6 +319,7 @@ mod tests {
                 "nominal_extrinsics": {"x_m": 0.4, "y_m": 0, "yaw_rad": 3.1}, "wheel_odometry": "compensated",
                 "rear_axle_in_base_link": {"x_m": -0.4, "y_m": 0, "yaw_rad": 0},
                 "scan_type": "point_cloud2",
+                "site": "Hamburg", "vehicle_type": "EKX 516", "tags": ["night shift"],
                 "point_cloud": {"height_min_m": -0.2, "height_max_m": 1, "range_min_m": 0.5,
                     "range_max_m": 40, "clearance_m": 0.05, "beams": 720, "ignore_times": true},
                 "streams": {"prefix": "7", "scan": {"topic": "front/scan"},

@@ -13,7 +13,18 @@ use super::config::RobotConfig;
 
 /// State of a robot, in one word.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, IntoStaticStr,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    IntoStaticStr,
+    VariantArray,
 )]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
@@ -34,6 +45,9 @@ pub enum RobotState {
 }
 
 impl RobotState {
+    /// Every state.
+    pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
+
     /// The name in documents.
     pub fn name(self) -> &'static str {
         self.into()
@@ -84,8 +98,14 @@ pub struct Counters {
     pub received: u64,
     /// Messages processed by the estimator.
     pub processed: u64,
-    /// Drive samples dropped because the mailbox was full.
+    /// Drive samples in the processed messages.
+    #[serde(default)]
+    pub drive_samples: u64,
+    /// Messages of wheel odometry dropped because the mailbox was full.
     pub dropped_wheel_odometry: u64,
+    /// Drive samples in those messages.
+    #[serde(default)]
+    pub dropped_drive_samples: u64,
     /// Scans and poses dropped because the mailbox was full.
     pub dropped_scans: u64,
     /// Notes dropped because the mailbox was full.
@@ -240,6 +260,8 @@ pub enum WarningKind {
     TwoSenders,
     /// Messages on a key that is no longer used.
     FormerKey,
+    /// The service lacks CPU time and uses an even share of the robot's scans.
+    ScansThinned,
     /// Stamps are coarser than the rate of their stream.
     StampsCoarse,
     /// Topic of a bridge that the access list lacks.
@@ -340,6 +362,16 @@ impl Warning {
             kind,
             text: texts.join(" "),
         })
+    }
+
+    /// Warning of [`WarningKind::ScansThinned`].
+    pub fn scans_thinned() -> Self {
+        Self {
+            kind: WarningKind::ScansThinned,
+            text: "The service lacks CPU time: of this robot's scans it uses an even share, and \
+                   drops the others. Give it more, or have fewer robots on this machine."
+                .to_owned(),
+        }
     }
 
     /// Warning of [`WarningKind::FormerKey`]; `key` is the one to send to.

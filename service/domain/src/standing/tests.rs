@@ -7,7 +7,7 @@ use fleetcal_model::{AlertId, Generation, ProposalId, RevisionId, Version, WallT
 use super::*;
 use crate::alert::tests::{deployment, estimate, in_use, robot, view};
 use crate::alert::{Condition, Subject};
-use crate::approval::{Maintenance, Policy, Proposal, ProposalState, Verification};
+use crate::approval::{Policy, Proposal, ProposalState, Verification};
 
 /// Robot and the facts about it.
 struct Case {
@@ -74,13 +74,9 @@ impl Case {
         self
     }
 
-    fn at(&self, now: WallTime) -> Standing {
-        let tolerance = Policy::default().propose_beyond;
-        StandingBasis::of(&self.view, &self.ledger, &tolerance, now).with(&self.alerts)
-    }
-
     fn stands(&self) -> Standing {
-        self.at(WallTime(0))
+        let tolerance = Policy::default().propose_beyond;
+        StandingBasis::of(&self.view, &self.ledger, &tolerance).with(&self.alerts)
     }
 }
 
@@ -96,7 +92,8 @@ fn it_is_the_worst_of_what_is_so() {
     assert_eq!(of(case(R::Calibrated).proposed()), S::AwaitingApproval);
     let drifted = case(R::Calibrated).proposed().using(Generation(1), 0.0);
     assert_eq!(of(drifted.alerting(AlertKind::Drift)), S::Drift);
-    assert_eq!(of(case(R::NoData).proposed()), S::NoData);
+    assert_eq!(of(case(R::NoData)), S::NoData);
+    assert_eq!(of(case(R::NoData).proposed()), S::AwaitingApproval);
     let verifying = case(R::Learning).deployed(DeploymentState::Verifying);
     assert_eq!(of(verifying), S::Deploying);
     let verified = case(R::Learning).deployed(DeploymentState::Verified);
@@ -180,16 +177,19 @@ fn a_silent_robot_with_values_inside_the_tolerance_has_not_drifted() {
 }
 
 #[test]
-fn a_robot_in_maintenance_is_not_missed_until_that_ends() {
-    let mut case = case(RobotState::NoData);
-    case.ledger.shadow.maintenance = Some(Maintenance {
-        until_ns: WallTime(100),
-        by: "ada".to_owned(),
-        at_ns: WallTime(0),
-        reason: "parked".to_owned(),
-    });
-    assert_eq!(case.at(WallTime(99)), Standing::Learning);
-    assert_eq!(case.at(WallTime(100)), Standing::NoData);
+fn silence_hides_nothing() {
+    use RobotState as R;
+    let silent = |case: Case| case.alerting(AlertKind::NoData).stands();
+    for (state, standing) in [
+        (R::Calibrated, Standing::Calibrated),
+        (R::Learning, Standing::Learning),
+        (R::NoData, Standing::NoData),
+    ] {
+        assert_eq!(silent(case(state)), standing);
+        assert_eq!(silent(case(state).proposed()), Standing::AwaitingApproval);
+    }
+    let deployed = case(R::Calibrated).deployed(DeploymentState::Queued);
+    assert_eq!(silent(deployed), Standing::Deploying);
 }
 
 #[test]
@@ -212,7 +212,8 @@ fn every_alert_is_a_way_to_stand() {
         S::NoInstance,
         S::NotApplied,
         S::OutOfSync,
-        S::NoData,
+        // A robot that fell silent stands as before.
+        S::Calibrated,
         S::Fault,
         S::Uncalibrated,
         // What is wrong with instances is no state of a robot.
@@ -239,7 +240,7 @@ fn an_alert_about_several_robots_is_one_of_each() {
         id: AlertId(7),
         robot: Subject::Fleet,
         robots: vec![robot()],
-        kind: AlertKind::NoData,
+        kind: AlertKind::Fault,
         version: Version(3),
         condition: Condition::Alerting {
             since_ns: WallTime(0),
@@ -261,11 +262,11 @@ fn an_alert_about_several_robots_is_one_of_each() {
         ..alert.clone()
     };
     let found = RobotAlerts::by_robot([&alert, &own]);
-    let silent = Case {
+    let faulty = Case {
         alerts: found[&robot()].clone(),
         ..case(RobotState::Calibrated)
     };
-    assert_eq!(silent.stands(), Standing::NoData);
+    assert_eq!(faulty.stands(), Standing::Fault);
 }
 
 #[test]
@@ -275,9 +276,9 @@ fn urgency_is_the_order_and_names_are_those_of_documents() {
         S::RollbackFailed,
         S::Drift,
         S::VerificationFailed,
-        S::NoData,
         S::AwaitingApproval,
         S::Uncalibrated,
+        S::NoData,
         S::Learning,
         S::Calibrated,
     ];

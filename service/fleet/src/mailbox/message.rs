@@ -1,7 +1,8 @@
 //! Message in a mailbox, and its receiver.
 
 use fleetcal_model::{RobotTime, Stream, WallTime};
-use fleetcal_proto::message_type::Form;
+use fleetcal_proto::message_type::{Form, MessageType};
+use fleetcal_proto::ros::{DriveSamples, RosMessage};
 
 use crate::notes::Noted;
 use crate::senders::Origin;
@@ -21,6 +22,20 @@ pub struct Message {
     pub payload: Vec<u8>,
 }
 
+impl Message {
+    /// Returns the number of drive samples in a message of wheel odometry that nobody has decoded;
+    /// half of one counts as one.
+    pub(super) fn drive_samples(&self) -> u64 {
+        match self.form.message_type {
+            Some(MessageType::DriveSamples) => {
+                let decoded = DriveSamples::decode(self.form.encoding, &self.payload);
+                decoded.map_or(0, |message| message.samples().len() as u64)
+            }
+            _ => 1,
+        }
+    }
+}
+
 /// Item that waits for a robot's task.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Item {
@@ -37,6 +52,13 @@ pub enum Item {
     ValuesHeard,
 }
 
+impl Item {
+    /// True for wheel odometry that came while there is a task.
+    pub fn is_wheel_odometry(&self) -> bool {
+        matches!(self, Self::Message(Message { stream, .. }) if stream.is_wheel_odometry())
+    }
+}
+
 /// Outcome of a message that the task processed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
@@ -44,6 +66,8 @@ pub enum Outcome {
     Processed {
         /// Its header stamp, ns since 1970.
         stamp_ns: RobotTime,
+        /// Drive samples in it.
+        drive_samples: u64,
     },
     /// Refused, for this reason.
     Refused(String),

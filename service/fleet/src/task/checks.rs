@@ -96,7 +96,7 @@ impl RobotTask {
             }
             // A mailbox counts by class: of the streams of one, the first that comes stands for it.
             let full = match of {
-                Stream::WheelOdometry | Stream::Speed => counters.dropped_wheel_odometry,
+                Stream::WheelOdometry | Stream::Speed => counters.dropped_drive_samples,
                 Stream::Scan | Stream::LidarOdometry => counters.dropped_scans,
                 Stream::Steering | Stream::Event => 0,
             };

@@ -11,7 +11,7 @@ use super::{Engine, RobotTask};
 use crate::decode;
 use crate::mailbox::Outcome;
 use crate::notes::Noted;
-use crate::tap::Tapped;
+use crate::tapped::Tapped;
 
 impl RobotTask {
     /// Passes a note of a person or a tool to the estimator, once. The note is stored, and is
@@ -24,9 +24,7 @@ impl RobotTask {
             tracing::error!(robot.id = %self.robot.id, "a note waits: the robot's estimator is stopped");
             return;
         }
-        self.robot
-            .taps
-            .offer(|| Some(Tapped::of_note(&noted.event)));
+        self.robot.taps.offer(Tapped::of_note(&noted.event));
         self.notes.until = noted.number;
         self.keep_with_note(&decode::note(&noted.event));
         self.robot.set_notes_taken(noted.number);
@@ -46,11 +44,12 @@ impl RobotTask {
         }
         self.notes.remember(note.clone());
         self.keep_with_note(&note);
-        self.robot.taps.offer(|| Some(Tapped::of_note(&event)));
+        self.robot.taps.offer(Tapped::of_note(&event));
         self.fleet.record(&self.robot.id, HistoryEvent::Note(event));
         // People's stamps say nothing of how far the robot's messages are taken.
         Outcome::Processed {
             stamp_ns: self.newest,
+            drive_samples: 0,
         }
     }
 

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use fleetcal_domain::approval::{RobotLedger, Tolerance};
+use fleetcal_domain::deviation::Deviation;
 use fleetcal_domain::robot::RobotView;
 use fleetcal_domain::standing::{RobotAlerts, Standing, StandingBasis};
-use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 
 use super::AlertEvaluator;
@@ -15,7 +15,6 @@ use super::AlertEvaluator;
 pub struct Standings {
     alerts: BTreeMap<RobotId, RobotAlerts>,
     propose_beyond: Tolerance,
-    now: WallTime,
 }
 
 impl Standings {
@@ -28,9 +27,14 @@ impl Standings {
         }
     }
 
+    /// Deviation of a robot's estimate from the calibration in use.
+    pub fn deviation(&self, view: &RobotView, ledger: &RobotLedger) -> Option<Deviation> {
+        Deviation::of(view, ledger, &self.propose_beyond)
+    }
+
     /// Standing of a robot without its alerts.
     pub(super) fn basis(&self, view: &RobotView, ledger: &RobotLedger) -> StandingBasis {
-        StandingBasis::of(view, ledger, &self.propose_beyond, self.now)
+        StandingBasis::of(view, ledger, &self.propose_beyond)
     }
 
     /// Alerts of a robot.
@@ -45,7 +49,6 @@ impl AlertEvaluator {
         Standings {
             alerts: RobotAlerts::by_robot(self.active().values()),
             propose_beyond: self.inner.lifecycle.policy().propose_beyond,
-            now: self.inner.clock.now(),
         }
     }
 }

@@ -239,8 +239,7 @@ impl Decide {
         }
         let mut alerts = RobotAlerts::by_robot(&active);
         let alerts = alerts.remove(&self.robot).unwrap_or_default();
-        let tolerance = &policy.propose_beyond;
-        let basis = StandingBasis::of(view, &outcome.ledger, tolerance, self.now);
+        let basis = StandingBasis::of(view, &outcome.ledger, &policy.propose_beyond);
         Ok(Some(basis.with(&alerts)))
     }
 

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use fleetcal_domain::limits;
-use fleetcal_fleet::{TapReader, Tapped};
+use fleetcal_fleet::TapReader;
 use fleetcal_proto::RobotId;
 use fleetcal_robot::recording::RecordingError;
 use thiserror::Error;
@@ -135,22 +135,6 @@ struct Recording {
 }
 
 impl Recording {
-    /// Writes an item of the tap.
-    fn add(&mut self, item: Tapped) -> Result<(), RecordingError> {
-        let export = &mut self.export;
-        match item {
-            Tapped::Message {
-                stamp,
-                topic,
-                payload,
-            } => export.message(stamp, &topic, &payload),
-            Tapped::Pose(stamp, pose) => export.pose(stamp, &pose),
-            Tapped::Estimate(document) => export.estimate(&document),
-            Tapped::Change(change) => export.change(&change),
-            Tapped::Event { stamp_ns, words } => export.event(stamp_ns, &words),
-        }
-    }
-
     /// Writes and delivers items, until `end`, or until the recording is full or the client is
     /// gone.
     async fn follow(
@@ -166,7 +150,7 @@ impl Recording {
                 item = tap.next() => item,
             };
             let Some(item) = item else { break };
-            self.add(item)?;
+            self.export.tapped(&item)?;
             let reader = tokio::select! {
                 // What was written is handed on with the rest.
                 () = &mut end => break,
@@ -185,7 +169,7 @@ impl Recording {
         while !self.delivery.is_full()
             && let Some(item) = tap.next().await
         {
-            self.add(item)?;
+            self.export.tapped(&item)?;
             if self.delivery.hand_on(&tap).await? == Reader::Gone {
                 return Ok(());
             }

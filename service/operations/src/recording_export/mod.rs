@@ -1,17 +1,17 @@
-//! Recording of a robot as MCAP for Foxglove: its streams, and beside them the estimates and events
+//! Recording of a robot as MCAP of ROS 2: its streams, and beside them the estimates and events
 //! at their times. `fleetcal calibrate --export` writes one from a recording, and `GET
 //! /robots/{id}/recording` one from live data.
 
 pub mod live;
 
 use fleetcal_estimator::{Pose2, RobotTime};
-use fleetcal_fleet::words;
+use fleetcal_fleet::{Tapped, words};
 use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
 use fleetcal_proto::message_type::MessageType;
-use fleetcal_proto::ros::{LaserScan, PointCloud2, RosMessage};
+use fleetcal_proto::ros::{LaserScan, ParameterEstimate, PointCloud2, RosMessage};
 use fleetcal_robot::recording::{RecordingError, RobotWriter};
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -107,8 +107,19 @@ impl<W: Write> RecordingExport<W> {
         let frame = self.lidar_frame.as_deref().unwrap_or(LIDAR);
         self.writer
             .transform(stamp_ns.0, BASE, frame, lidar_in_base)?;
-        match serde_json::to_value(document) {
-            Ok(document) => self.writer.estimate(stamp_ns.0, &document),
+        let parameters = document
+            .parameters
+            .iter()
+            .map(|(name, of)| ParameterEstimate {
+                name: name.name().to_owned(),
+                value: of.value,
+                sigma: of.sigma,
+                status: words::word(&of.status),
+            });
+        match serde_json::to_string(document) {
+            Ok(whole) => self
+                .writer
+                .estimate(stamp_ns.0, BASE, parameters.collect(), whole),
             Err(error) => self.writer.event(
                 stamp_ns.0,
                 &format!("the estimate cannot be written: {error}"),
@@ -130,6 +141,24 @@ impl<W: Write> RecordingExport<W> {
     /// If it cannot be written.
     pub fn event(&mut self, stamp_ns: RobotTime, words: &str) -> Result<(), RecordingError> {
         self.writer.event(stamp_ns.0, words)
+    }
+
+    /// Adds an item of a robot's session.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn tapped(&mut self, item: &Tapped) -> Result<(), RecordingError> {
+        match item {
+            Tapped::Message {
+                stamp,
+                topic,
+                payload,
+            } => self.message(*stamp, topic, payload),
+            Tapped::Pose(stamp, pose) => self.pose(*stamp, pose),
+            Tapped::Estimate(document) => self.estimate(document),
+            Tapped::Change(change) => self.change(change),
+            Tapped::Event { stamp_ns, words } => self.event(*stamp_ns, words),
+        }
     }
 
     /// Records the number of missing messages.

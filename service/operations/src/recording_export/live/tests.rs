@@ -3,7 +3,7 @@
 use std::future::pending;
 
 use fleetcal_estimator::RobotTime;
-use fleetcal_fleet::Taps;
+use fleetcal_fleet::{Tapped, Taps};
 use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::message_type::MessageType;
@@ -63,7 +63,7 @@ impl Begun {
     /// Sends the robot's messages without waiting.
     async fn send(&self) {
         for _ in 0..MESSAGES {
-            self.taps.offer(|| Some(message()));
+            self.taps.offer(message());
             tokio::task::yield_now().await;
         }
     }

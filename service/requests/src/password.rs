@@ -15,7 +15,7 @@ use crate::problem::Problem;
 /// of them waits in a short queue and is then refused. Strangers never get the last thread, nor the
 /// queue places of known clients.
 #[derive(Debug, Clone)]
-pub(super) struct PasswordWork {
+pub struct PasswordWork {
     running: Arc<Semaphore>,
     strangers: Arc<Semaphore>,
     places: Arc<Semaphore>,
@@ -36,7 +36,10 @@ impl Default for PasswordWork {
 
 impl PasswordWork {
     /// True if `candidate` is the password of `hash`.
-    pub(super) async fn verify(
+    ///
+    /// # Errors
+    /// Too many passwords wait, or the thread failed.
+    pub async fn verify(
         &self,
         whose: Whose,
         hash: PasswordHash,
@@ -46,7 +49,10 @@ impl PasswordWork {
     }
 
     /// Hashes a new password.
-    pub(super) async fn hash(&self, text: &str) -> Result<PasswordHash, Problem> {
+    ///
+    /// # Errors
+    /// It is no acceptable password, too many wait, or the system has no random bytes.
+    pub async fn hash(&self, text: &str) -> Result<PasswordHash, Problem> {
         let password = Password::parse(text).map_err(|refused| {
             let status = StatusCode::UNPROCESSABLE_ENTITY;
             Problem::new(status, "password_refused", refused.to_string()).of_field("password")
@@ -91,7 +97,8 @@ fn busy() -> Problem {
     Problem::new(StatusCode::SERVICE_UNAVAILABLE, "busy", detail)
 }
 
-pub(super) fn failed(error: &impl std::fmt::Display) -> Problem {
+/// Makes the problem of a credential that could not be made, and logs its cause.
+pub fn failed(error: &impl std::fmt::Display) -> Problem {
     tracing::error!(%error, "a credential could not be made");
     let detail = "the service failed; its log has the details";
     Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "failed", detail)

@@ -6,13 +6,13 @@ use fleetcal_domain::limits;
 
 /// Name and protection of the session's cookie.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct CookiePolicy {
+pub struct CookiePolicy {
     https: bool,
 }
 
 impl CookiePolicy {
     /// Makes the policy of a service that is reached over HTTPS or not.
-    pub(super) const fn new(https: bool) -> Self {
+    pub const fn new(https: bool) -> Self {
         Self { https }
     }
 
@@ -27,12 +27,12 @@ impl CookiePolicy {
     }
 
     /// Header `Set-Cookie` of a new session.
-    pub(super) fn set(self, session: &SessionValue) -> HeaderValue {
+    pub fn set(self, session: &SessionValue) -> HeaderValue {
         self.header(session.reveal(), limits::SESSION_MAX.as_secs())
     }
 
     /// Header `Set-Cookie` that removes the cookie.
-    pub(super) fn clear(self) -> HeaderValue {
+    pub fn clear(self) -> HeaderValue {
         self.header("", 0)
     }
 
@@ -45,7 +45,7 @@ impl CookiePolicy {
     }
 
     /// Session in a request's cookie, if it has one.
-    pub(super) fn session(self, headers: &HeaderMap) -> Option<Result<SessionValue, Garbage>> {
+    pub fn session(self, headers: &HeaderMap) -> Option<Result<SessionValue, Garbage>> {
         let shown = headers
             .get_all(header::COOKIE)
             .iter()
@@ -59,7 +59,7 @@ impl CookiePolicy {
 
 /// Malformed cookie.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Garbage;
+pub struct Garbage;
 
 #[cfg(test)]
 mod tests {

@@ -1,0 +1,42 @@
+//! Data of a robot for those who record it: from now on, and the latest of before.
+
+use fleetcal_proto::RobotId;
+
+use super::{FleetHandle, FleetRefused};
+use crate::ring::Held;
+use crate::tap::TapReader;
+
+impl FleetHandle {
+    /// Opens a reader of the robot's session from now on.
+    ///
+    /// # Errors
+    /// The robot is unknown, unregistered and so without an estimator, or estimated by another
+    /// instance.
+    pub fn tap(&self, id: &RobotId) -> Result<TapReader, FleetRefused> {
+        let unknown = || FleetRefused::UnknownRobot(id.clone());
+        let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
+        if !robot.is_configured() {
+            return Err(FleetRefused::Unregistered(id.clone()));
+        }
+        if !robot.is_here() {
+            return Err(FleetRefused::Elsewhere(id.clone()));
+        }
+        Ok(robot.taps.open())
+    }
+
+    /// Returns the robot's latest data from memory; empty where another instance estimates it.
+    ///
+    /// # Errors
+    /// The robot is unknown.
+    pub fn latest_data(&self, id: &RobotId) -> Result<Held, FleetRefused> {
+        let unknown = || FleetRefused::UnknownRobot(id.clone());
+        let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
+        Ok(robot.taps.ring.held())
+    }
+
+    /// Returns the memory that the latest data of all robots take, bytes.
+    pub fn latest_data_bytes(&self) -> usize {
+        let robots = self.fleet.all();
+        robots.iter().map(|robot| robot.taps.ring.size()).sum()
+    }
+}
