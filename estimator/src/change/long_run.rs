@@ -382,7 +382,7 @@ pub fn widened(covariance: &ParameterCovariance, widths: &Values) -> ParameterCo
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use nalgebra::Vector3;
 
     use super::*;
@@ -442,7 +442,7 @@ mod tests {
     }
 
     /// A window of unit variance whose motion errs along the track, by parameters that are all zero.
-    fn window(number: i64, jacobian: &ByParameters, error: f64) -> Window {
+    pub fn window(number: i64, jacobian: &ByParameters, error: f64) -> Window {
         let (residual, covariance) = (Vector3::new(error, 0.0, 0.0), Matrix3::identity());
         let innovation = Innovation {
             residual,

@@ -194,10 +194,10 @@ impl ChangeWatch {
         }
     }
 
-    /// True if a change of this parameter would go unseen for more than a few metres; not during a
-    /// fault, in which nothing is withheld.
+    /// True if a change of this parameter would go unseen for more than a few metres. A fault shows
+    /// nothing, so that it withholds nothing more and believes nothing more.
     pub fn is_blind(&self, parameter: Parameter) -> bool {
-        !self.has_fault() && self.visibility.is_blind(parameter)
+        self.visibility.is_blind(parameter)
     }
 
     /// Squares of the steps of each parameter that the newest windows suggest beyond chance, and that
@@ -215,16 +215,10 @@ impl ChangeWatch {
     /// it.
     fn failed(&mut self, fault: Fault, lasted: usize, last: &WindowEnd, now: &Filter) -> Detected {
         // The last window is not remembered yet; the one before the first may be touched too.
-        let kept = self.remembered.len().saturating_sub(lasted);
-        let (begin, filter_before) = match self.remembered.get(kept) {
-            Some(first) => (first.window.begin, first.filter.clone()),
+        let (begin, filter_before) = match self.forget(lasted) {
+            Some(first) => (first.window.begin, first.filter),
             None => (last.lasts.0, now.clone()),
         };
-        self.remembered.truncate(kept);
-        self.suspicion = Values::zeros();
-        self.known_from = self.known_from.filter(|from| *from < kept);
-        self.unlearnt = self.unlearnt.min(kept);
-        self.long_run.break_block();
         Detected {
             kind: ChangeKind::Fault,
             cause: fault.cause(),
@@ -232,6 +226,19 @@ impl ChangeWatch {
             onset: (begin, last.lasts.1),
             filter_before,
         }
+    }
+
+    /// Forgets the last windows, so many, and returns the first of them. What was learnt of those before
+    /// stays learnt, and is not learnt once more.
+    fn forget(&mut self, lasted: usize) -> Option<Remembered> {
+        let forgotten = lasted.min(self.remembered.len());
+        let kept = self.remembered.len() - forgotten;
+        let first = self.remembered.drain(kept..).next();
+        self.suspicion = Values::zeros();
+        self.known_from = self.known_from.filter(|from| *from < kept);
+        self.unlearnt = self.unlearnt.saturating_sub(forgotten);
+        self.long_run.break_block();
+        first
     }
 
     /// Learns the common error of settled windows. While the filter still learns, nothing can count
@@ -424,5 +431,52 @@ impl ChangeWatch {
             onset: (at.window.begin, last.window.end),
             filter_before: before.filter.clone(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::long_run::tests::window;
+    use super::*;
+    use crate::filter::constraint::ByParameters;
+    use crate::filter::prior::Prior;
+    use crate::vehicle::VehicleModel;
+    use window::Track;
+
+    #[test]
+    fn windows_before_a_fault_are_learnt_once() {
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let settings = EstimatorSettings::default();
+        let prior = Prior::cold(&vehicle, None, &settings);
+        let filter = Filter::new(vehicle, &settings, &prior);
+        let mut watch = ChangeWatch::default();
+        for number in 0..40 {
+            let window = window(number, &ByParameters::zeros(), 0.0);
+            watch.remember(Some((window, filter.clone())));
+        }
+        watch.unlearnt = 25;
+        let first = watch.forget(4).unwrap();
+        assert_eq!(first.window.begin, RobotTime(36));
+        assert_eq!((watch.remembered.len(), watch.unlearnt), (36, 21));
+        watch.forget(30);
+        assert_eq!((watch.remembered.len(), watch.unlearnt), (6, 0));
+    }
+
+    #[test]
+    fn a_fault_makes_no_value_known() {
+        let mut watch = ChangeWatch::default();
+        let unknown = ParameterCovariance::identity();
+        watch
+            .visibility
+            .know(&unknown, &EstimatorSettings::default());
+        let towed = Track {
+            moved_m: 1.0,
+            duration_s: 1.0,
+            ..Track::default()
+        };
+        for _ in 0..2 {
+            watch.faults.push(&towed, 1.0);
+        }
+        assert!(watch.has_fault() && watch.is_blind(Parameter::LidarYaw));
     }
 }
