@@ -441,6 +441,21 @@ encoders: rust ## 10,000 random messages of each type by rosbags and pycdr2 (PyP
 	$(BUILT)/encoders/bin/python tests/encoders/encoders.py $(BUILT)/encoders/messages.bin 10000
 	$(CARGO) run --release --locked -p fleetcal-proto --example encoded -- $(BUILT)/encoders/messages.bin
 
+# Each target of tests/fuzz gets FUZZ_S seconds; a later run goes on with the seeds after those.
+FUZZ_S ?= 7200
+.PHONY: fuzz
+fuzz: rust ## FUZZ_S=7200 seconds of damaged inputs for each reader (or those of FUZZ_TARGETS): goes on where it stopped
+	nice $(CARGO) run --release --locked -p fleetcal-fuzz -- $(FUZZ_S) $(HARDENING)/fuzz $(FUZZ_TARGETS)
+
+API_EXAMPLES ?= 100
+.PHONY: hardening-api
+hardening-api: build-for-tests ## API_EXAMPLES=100 generated requests (schemathesis, PyPI) for each operation and kind, as each role: no 5xx, nothing undocumented
+	@python3 -c 'import venv, ensurepip' 2>/dev/null \
+	  || { echo "Python 3 with venv is missing: install python3-venv, then run make again." >&2; exit 1; }
+	python3 -m venv $(BUILT)/hardening-api
+	$(BUILT)/hardening-api/bin/pip install --quiet --requirement tests/hardening_api/requirements.txt
+	nice $(BUILT)/hardening-api/bin/python tests/hardening_api/hardening_api.py $(abspath $(BIN)) $(API_EXAMPLES)
+
 .PHONY: zenohd
 zenohd: build ## Builds Zenoh's own router from its crate and tests the service behind it
 	$(CARGO) install zenohd --version 1.10.2 --locked --root $(BUILT)/zenohd \

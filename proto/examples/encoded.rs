@@ -7,8 +7,10 @@ use std::process::ExitCode;
 
 use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{
-    AckermannDriveStamped, DriveSamples, JointState, LaserScan, Odometry, PointCloud2, PoseStamped,
-    RosMessage, TwistStamped,
+    AckermannDrive, AckermannDriveStamped, DriveSamples, DynamicJointState, Float32, Float64,
+    JointState, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
+    SteeringControllerStatus, SteeringReport, TwistStamped, TwistWithCovarianceStamped,
+    VelocityReport, VescStateStamped,
 };
 
 const ENCODERS: [&str; 2] = ["rosbags", "pycdr2"];
@@ -36,6 +38,16 @@ fn rewritten(of: MessageType, payload: &[u8]) -> Result<Vec<u8>, String> {
         MessageType::PoseStamped => both_ways::<PoseStamped>(payload),
         MessageType::LaserScan => both_ways::<LaserScan>(payload),
         MessageType::PointCloud2 => both_ways::<PointCloud2>(payload),
+        MessageType::AckermannDrive => both_ways::<AckermannDrive>(payload),
+        MessageType::DynamicJointState => both_ways::<DynamicJointState>(payload),
+        MessageType::SteeringControllerStatus => both_ways::<SteeringControllerStatus>(payload),
+        MessageType::TwistWithCovarianceStamped => both_ways::<TwistWithCovarianceStamped>(payload),
+        MessageType::SteeringReport => both_ways::<SteeringReport>(payload),
+        MessageType::VelocityReport => both_ways::<VelocityReport>(payload),
+        MessageType::VescStateStamped => both_ways::<VescStateStamped>(payload),
+        MessageType::Float32 => both_ways::<Float32>(payload),
+        MessageType::Float64 => both_ways::<Float64>(payload),
+        MessageType::MultiEchoLaserScan => both_ways::<MultiEchoLaserScan>(payload),
     }
 }
 

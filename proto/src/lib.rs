@@ -14,6 +14,7 @@ pub mod endpoint;
 pub mod estimate;
 pub mod event;
 pub mod key;
+pub mod key_change;
 pub mod message_type;
 pub mod offer;
 pub mod progress;

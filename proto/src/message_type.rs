@@ -2,12 +2,15 @@
 
 use std::borrow::Cow;
 
+use fleetcal_model::Stream;
 use serde::{Deserialize, Serialize};
 
 use crate::encoding::{DecodeError, Encoding};
 use crate::ros::{
-    AckermannDriveStamped, DriveSamples, JointState, LaserScan, Odometry, PointCloud2, PoseStamped,
-    RosMessage, TwistStamped,
+    AckermannDrive, AckermannDriveStamped, DriveSamples, DynamicJointState, Float32, Float64,
+    JointState, Joints, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, PoseStamped,
+    RosMessage, SteeringControllerStatus, SteeringReport, TwistStamped, TwistWithCovarianceStamped,
+    VelocityReport, VescStateStamped, WheelMessage, Wheels,
 };
 
 /// ROS 2 message types of a robot's streams.
@@ -32,17 +35,66 @@ pub enum MessageType {
     /// A pose.
     #[serde(rename = "geometry_msgs/msg/PoseStamped")]
     PoseStamped,
+    /// Speed and steering in one, without a stamp.
+    #[serde(rename = "ackermann_msgs/msg/AckermannDrive")]
+    AckermannDrive,
+    /// Steering and wheels as joints with all their interfaces.
+    #[serde(rename = "control_msgs/msg/DynamicJointState")]
+    DynamicJointState,
+    /// Steering and wheels of a controller.
+    #[serde(rename = "control_msgs/msg/SteeringControllerStatus")]
+    SteeringControllerStatus,
+    /// Velocities and their covariance.
+    #[serde(rename = "geometry_msgs/msg/TwistWithCovarianceStamped")]
+    TwistWithCovarianceStamped,
+    /// Steering under Autoware.
+    #[serde(rename = "autoware_vehicle_msgs/msg/SteeringReport")]
+    SteeringReport,
+    /// Velocities under Autoware.
+    #[serde(rename = "autoware_vehicle_msgs/msg/VelocityReport")]
+    VelocityReport,
+    /// A motor's state.
+    #[serde(rename = "vesc_msgs/msg/VescStateStamped")]
+    VescStateStamped,
+    /// A number without a stamp.
+    #[serde(rename = "std_msgs/msg/Float32")]
+    Float32,
+    /// A longer number without a stamp.
+    #[serde(rename = "std_msgs/msg/Float64")]
+    Float64,
     /// A planar scan.
     #[serde(rename = "sensor_msgs/msg/LaserScan")]
     LaserScan,
+    /// A planar scan with several echoes.
+    #[serde(rename = "sensor_msgs/msg/MultiEchoLaserScan")]
+    MultiEchoLaserScan,
     /// The cloud of a 3D scanner.
     #[serde(rename = "sensor_msgs/msg/PointCloud2")]
     PointCloud2,
 }
 
+/// Evaluates an expression with the struct of a message type under a name.
+macro_rules! of_each {
+    ($message_type:expr, $message:ident => $value:expr) => {
+        of_each!($message_type, $message => $value;
+            AckermannDriveStamped DriveSamples JointState Odometry TwistStamped PoseStamped
+            LaserScan PointCloud2 AckermannDrive DynamicJointState SteeringControllerStatus
+            TwistWithCovarianceStamped SteeringReport VelocityReport VescStateStamped Float32
+            Float64 MultiEchoLaserScan)
+    };
+    ($message_type:expr, $message:ident => $value:expr; $($name:ident)*) => {
+        match $message_type {
+            $(Self::$name => {
+                type $message = $name;
+                $value
+            })*
+        }
+    };
+}
+
 impl MessageType {
     /// All message types.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 18] = [
         Self::AckermannDriveStamped,
         Self::DriveSamples,
         Self::JointState,
@@ -51,39 +103,118 @@ impl MessageType {
         Self::PoseStamped,
         Self::LaserScan,
         Self::PointCloud2,
+        Self::AckermannDrive,
+        Self::DynamicJointState,
+        Self::SteeringControllerStatus,
+        Self::TwistWithCovarianceStamped,
+        Self::SteeringReport,
+        Self::VelocityReport,
+        Self::VescStateStamped,
+        Self::Float32,
+        Self::Float64,
+        Self::MultiEchoLaserScan,
     ];
 
-    /// Message types with steering and speed in one, the usual one first.
+    /// Message types with steering (or a yaw rate) and speed in one, the usual one first.
     pub const OF_WHEEL_ODOMETRY: &'static [Self] = &[
         Self::AckermannDriveStamped,
         Self::JointState,
         Self::DriveSamples,
+        Self::AckermannDrive,
+        Self::DynamicJointState,
+        Self::SteeringControllerStatus,
+        Self::Odometry,
+        Self::TwistStamped,
+        Self::TwistWithCovarianceStamped,
+        Self::VelocityReport,
     ];
     /// Message types with a steering angle.
-    pub const OF_STEERING: &'static [Self] = &[Self::JointState, Self::AckermannDriveStamped];
+    pub const OF_STEERING: &'static [Self] = &[
+        Self::JointState,
+        Self::AckermannDriveStamped,
+        Self::AckermannDrive,
+        Self::DynamicJointState,
+        Self::SteeringControllerStatus,
+        Self::SteeringReport,
+        Self::Float32,
+        Self::Float64,
+    ];
     /// Message types with a speed.
     pub const OF_SPEED: &'static [Self] = &[
         Self::Odometry,
         Self::TwistStamped,
         Self::JointState,
         Self::AckermannDriveStamped,
+        Self::AckermannDrive,
+        Self::DynamicJointState,
+        Self::SteeringControllerStatus,
+        Self::TwistWithCovarianceStamped,
+        Self::VelocityReport,
+        Self::VescStateStamped,
+        Self::Float32,
+        Self::Float64,
     ];
     /// Message types of scans.
-    pub const OF_SCAN: &'static [Self] = &[Self::LaserScan, Self::PointCloud2];
+    pub const OF_SCAN: &'static [Self] =
+        &[Self::LaserScan, Self::PointCloud2, Self::MultiEchoLaserScan];
     /// Message types with a pose of the LiDAR.
     pub const OF_LIDAR_ODOMETRY: &'static [Self] = &[Self::Odometry, Self::PoseStamped];
 
     /// Returns its ROS 2 type, `sensor_msgs/msg/LaserScan`.
     pub const fn ros_type(self) -> &'static str {
+        of_each!(self, Message => Message::TYPE)
+    }
+
+    /// Returns the steering and speed that a payload states; `None` for types without either, or
+    /// with several of them.
+    ///
+    /// # Errors
+    /// Names the field that is missing or has an impossible value.
+    pub fn wheels(
+        self,
+        encoding: Encoding,
+        payload: &[u8],
+        joints: Option<&Joints>,
+    ) -> Result<Option<Wheels>, DecodeError> {
+        fn of<M: WheelMessage>(
+            (encoding, payload): (Encoding, &[u8]),
+            joints: Option<&Joints>,
+        ) -> Result<Option<Wheels>, DecodeError> {
+            Ok(Some(M::decode(encoding, payload)?.wheels(joints)))
+        }
+        let sent = (encoding, payload);
         match self {
-            Self::AckermannDriveStamped => AckermannDriveStamped::TYPE,
-            Self::DriveSamples => DriveSamples::TYPE,
-            Self::JointState => JointState::TYPE,
-            Self::Odometry => Odometry::TYPE,
-            Self::TwistStamped => TwistStamped::TYPE,
-            Self::PoseStamped => PoseStamped::TYPE,
-            Self::LaserScan => LaserScan::TYPE,
-            Self::PointCloud2 => PointCloud2::TYPE,
+            Self::AckermannDriveStamped => of::<AckermannDriveStamped>(sent, joints),
+            Self::AckermannDrive => of::<AckermannDrive>(sent, joints),
+            Self::JointState => of::<JointState>(sent, joints),
+            Self::DynamicJointState => of::<DynamicJointState>(sent, joints),
+            Self::SteeringControllerStatus => of::<SteeringControllerStatus>(sent, joints),
+            Self::Odometry => of::<Odometry>(sent, joints),
+            Self::TwistStamped => of::<TwistStamped>(sent, joints),
+            Self::TwistWithCovarianceStamped => of::<TwistWithCovarianceStamped>(sent, joints),
+            Self::SteeringReport => of::<SteeringReport>(sent, joints),
+            Self::VelocityReport => of::<VelocityReport>(sent, joints),
+            Self::VescStateStamped => of::<VescStateStamped>(sent, joints),
+            Self::Float32 => of::<Float32>(sent, joints),
+            Self::Float64 => of::<Float64>(sent, joints),
+            Self::DriveSamples
+            | Self::PoseStamped
+            | Self::LaserScan
+            | Self::MultiEchoLaserScan
+            | Self::PointCloud2 => Ok(None),
+        }
+    }
+
+    /// Returns the types that a stream may have, the usual one first; empty for a stream without a
+    /// ROS topic.
+    pub const fn of_stream(stream: Stream) -> &'static [Self] {
+        match stream {
+            Stream::WheelOdometry => Self::OF_WHEEL_ODOMETRY,
+            Stream::Steering => Self::OF_STEERING,
+            Stream::Speed => Self::OF_SPEED,
+            Stream::Scan => Self::OF_SCAN,
+            Stream::LidarOdometry => Self::OF_LIDAR_ODOMETRY,
+            Stream::Event => &[],
         }
     }
 
@@ -95,16 +226,7 @@ impl MessageType {
         if encoding == Encoding::Cdr {
             return Ok(Cow::Borrowed(payload));
         }
-        let cdr = match self {
-            Self::AckermannDriveStamped => AckermannDriveStamped::from_json(payload)?.to_cdr(),
-            Self::DriveSamples => DriveSamples::from_json(payload)?.to_cdr(),
-            Self::JointState => JointState::from_json(payload)?.to_cdr(),
-            Self::Odometry => Odometry::from_json(payload)?.to_cdr(),
-            Self::TwistStamped => TwistStamped::from_json(payload)?.to_cdr(),
-            Self::PoseStamped => PoseStamped::from_json(payload)?.to_cdr(),
-            Self::LaserScan => LaserScan::from_json(payload)?.to_cdr(),
-            Self::PointCloud2 => PointCloud2::from_json(payload)?.to_cdr(),
-        };
+        let cdr = of_each!(self, Message => Message::from_json(payload)?.to_cdr());
         Ok(Cow::Owned(cdr))
     }
 

@@ -6,6 +6,7 @@ use fleetcal_config::{ClusterConfig, Config};
 use fleetcal_fleet::CHECKPOINT_FORMAT_READ_MAX;
 use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_operations::peers::{PeerUrl, Peers, PeersError, PeersSetup};
+use fleetcal_proto::signing::PublicKey;
 use fleetcal_store::cluster::Joining;
 use tokio_util::sync::CancellationToken;
 
@@ -20,6 +21,12 @@ pub fn joining(config: &Config, lifecycle: &Lifecycle, http: SocketAddr) -> Opti
         checkpoint_format: i64::from(CHECKPOINT_FORMAT_READ_MAX),
         config_sha256: config.agreed_sha256(),
         signing_key: lifecycle.public_key().to_string(),
+        former_signing_keys: lifecycle
+            .key_changes()
+            .former_keys()
+            .iter()
+            .map(PublicKey::to_string)
+            .collect(),
     })
 }
 

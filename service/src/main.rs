@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use clap::Parser;
 use fleetcal::command::{
-    Cli, Command, CommandError, acl, audit, backup, check_config, completions, demo, man, restore,
-    serve, store, token, user,
+    Cli, Command, CommandError, acl, audit, backup, check_config, completions, demo, key, man,
+    restore, serve, store, token, user,
 };
 use fleetcal::environment::{self, Peers};
 use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
@@ -72,6 +72,7 @@ fn run(command: &Command) -> Result<(), CommandError> {
         Command::Demo(arguments) => on_runtime(demo::run(arguments, clock)),
         Command::Token(arguments) => on_runtime(token::run(arguments, clock)),
         Command::User(arguments) => on_runtime(user::run(arguments, clock)),
+        Command::Key(arguments) => key::run(arguments, &clock),
         Command::Audit(arguments) => on_runtime(audit::run(arguments)),
         Command::Backup(arguments) => on_runtime(backup::run(arguments)),
         Command::Restore(arguments) => on_runtime(restore::run(arguments)),

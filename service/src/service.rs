@@ -1,6 +1,7 @@
 //! The whole service in one value: what `serve` runs, and `demo` runs beside its robots.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,7 +16,7 @@ use fleetcal_domain::robot::{CrossTrack, RobotConfig};
 use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_folder::signing_key::{self, KeyError};
 use fleetcal_http::Connections;
-use fleetcal_http::PublicUrl;
+use fleetcal_http::{PublicUrl, SecurityContacts};
 use fleetcal_link::{Link, LinkError, LinkSetup, SessionMemory, Shares};
 use fleetcal_model::{AuditId, Generation, WallTime};
 use fleetcal_moments::Moments;
@@ -127,10 +128,7 @@ impl Service {
     pub async fn start(config: Config, clock: SharedClock) -> Result<Self, ServiceError> {
         let link_setup = link_setup(&config)?;
         let membership = link_setup.membership.clone();
-        let refused = |source| ServiceError::Http {
-            address: config.http,
-            source,
-        };
+        let refused = http_refused(config.http);
         let listener = fleetcal_http::listen(config.http).map_err(refused)?;
         let http_address = listener.local_addr().map_err(refused)?;
         let store = database::open(&config, Arc::clone(&clock)).await?;
@@ -138,11 +136,7 @@ impl Service {
         let last_decided = store.audit_last().await?;
         let fleet = start_fleet(&config, &store, &membership, Arc::clone(&clock)).await?;
         let workers = start_workers(&config, &store, &fleet, &membership, &clock).await?;
-        let moments = Moments::start(&config.data, fleet.clone(), Arc::clone(&clock));
-        let moments = moments.map_err(|source| ServiceError::Moments {
-            folder: config.data.clone(),
-            source,
-        })?;
+        let moments = start_moments(&config, &fleet, &clock)?;
         let stop = CancellationToken::new();
         let peers = cluster::peers(&config, http_address, stop.clone())?;
         let part = Part {
@@ -170,6 +164,7 @@ impl Service {
             access: AccessSetup {
                 public_url: config.public_url.clone(),
             },
+            security_contacts: security_contacts(&config),
             connections: connections.clone(),
             membership,
             peers,
@@ -263,6 +258,31 @@ impl Service {
         }
         closed
     }
+}
+
+/// Makes the contents of `security.txt`.
+fn security_contacts(config: &Config) -> SecurityContacts {
+    SecurityContacts {
+        contacts: config.security_contacts.clone(),
+        url: config.public_url.clone(),
+    }
+}
+
+/// Returns the error of an HTTP address that cannot be used.
+fn http_refused(address: SocketAddr) -> impl Fn(io::Error) -> ServiceError + Copy {
+    move |source| ServiceError::Http { address, source }
+}
+
+fn start_moments(
+    config: &Config,
+    fleet: &FleetHandle,
+    clock: &SharedClock,
+) -> Result<Moments, ServiceError> {
+    let moments = Moments::start(&config.data, fleet.clone(), Arc::clone(clock));
+    moments.map_err(|source| ServiceError::Moments {
+        folder: config.data.clone(),
+        source,
+    })
 }
 
 /// Makes the largest numbers of Zenoh sessions.
@@ -394,7 +414,7 @@ async fn start_workers(
     clock: &SharedClock,
 ) -> Result<Workers, ServiceError> {
     let draw = || entropy::secret().map_err(|error| std::io::Error::other(error.to_string()));
-    let (key, key_is_new) = match &config.cluster.signing_key {
+    let (keys, key_is_new) = match &config.cluster.signing_key {
         Some(path) => signing_key::load_or_make_at(path, draw)?,
         None => signing_key::load_or_make(&config.data, draw)?,
     };
@@ -403,7 +423,7 @@ async fn start_workers(
         fleet: fleet.clone(),
         clock: Arc::clone(clock),
         policy: config.approval,
-        key,
+        keys,
         membership: membership.clone(),
     })
     .await?;
@@ -458,6 +478,18 @@ async fn close_store(store: &Store) {
     }
 }
 
+/// Returns the errors beside the path of every robot, by the calibration in use.
+async fn cross_tracks(
+    store: &Store,
+) -> Result<BTreeMap<RobotId, BTreeMap<Generation, CrossTrack>>, StoreError> {
+    let mut cross_tracks: BTreeMap<RobotId, BTreeMap<_, _>> = BTreeMap::new();
+    for record in store.load_cross_tracks().await? {
+        let of_robot = cross_tracks.entry(record.robot).or_default();
+        of_robot.insert(record.generation, record.errors);
+    }
+    Ok(cross_tracks)
+}
+
 /// Starts the fleet from the store and the configuration file: for a robot in both, the file's
 /// vehicle applies; with several instances, the stored one.
 async fn start_fleet(
@@ -473,6 +505,11 @@ async fn start_fleet(
         if let Some(stored) = record.config {
             robots.insert(record.id, stored);
         }
+    }
+    let ids = config.robots.iter().map(|entry| &entry.id);
+    let configured = ids.chain(robots.keys()).collect::<BTreeSet<_>>().len();
+    if configured > limits::ROBOTS_MAX {
+        return Err(ServiceError::TooManyRobots { configured });
     }
     let are_several = membership.cluster().is_some();
     for entry in &config.robots {
@@ -498,16 +535,7 @@ async fn start_fleet(
             robots.insert(entry.id.clone(), wanted);
         }
     }
-    if robots.len() > limits::ROBOTS_MAX {
-        return Err(ServiceError::TooManyRobots {
-            configured: robots.len(),
-        });
-    }
-    let mut cross_tracks: BTreeMap<RobotId, BTreeMap<Generation, CrossTrack>> = BTreeMap::new();
-    for record in store.load_cross_tracks().await? {
-        let of_robot = cross_tracks.entry(record.robot).or_default();
-        of_robot.insert(record.generation, record.errors);
-    }
+    let cross_tracks = cross_tracks(store).await?;
     // An instance reads those of the robots that it gets.
     let checkpoints = if are_several {
         Vec::new()
@@ -523,7 +551,7 @@ async fn start_fleet(
         .into_iter()
         .map(|record| (record.estimate.robot, record.received_ns))
         .collect();
-    Ok(FleetHandle::start(FleetSetup {
+    let fleet = FleetHandle::start(FleetSetup {
         clock,
         journal: Arc::new(store.clone()),
         estimator: config.estimator.clone(),
@@ -533,5 +561,9 @@ async fn start_fleet(
         last_heard,
         membership: membership.clone(),
         audited,
-    }))
+    });
+    if let Some(bytes) = memory::allowed_bytes() {
+        fleet.limit_latest_data(bytes);
+    }
+    Ok(fleet)
 }

@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 33] = [
+pub const CRATES: [Member; 34] = [
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),
@@ -58,6 +58,11 @@ pub const CRATES: [Member; 33] = [
         "service/certificate",
         "domain model proto",
     ),
+    member(
+        "fleetcal-documents",
+        "service/documents",
+        "domain model proto",
+    ),
     member("fleetcal-cluster", "service/cluster", "domain model proto"),
     member(
         "fleetcal-store",
@@ -69,7 +74,7 @@ pub const CRATES: [Member; 33] = [
         "service/sql",
         "cluster domain model proto store",
     ),
-    member("fleetcal-folder", "service/folder", "proto store"),
+    member("fleetcal-folder", "service/folder", "model proto store"),
     member(
         "fleetcal-sqlite",
         "service/sqlite",
@@ -120,7 +125,7 @@ pub const CRATES: [Member; 33] = [
     member(
         "fleetcal-api",
         "service/api",
-        "certificate clock cluster domain estimator fleet http metrics model moments operations proto requests store \
+        "certificate clock cluster documents domain estimator fleet http metrics model moments operations proto requests store \
          support view",
     ),
     member(
@@ -148,9 +153,9 @@ pub const CRATES: [Member; 33] = [
 
 /// Largest number of lines of a crate of the service, tests left out. It is a size at which to look
 /// for a border, and no border by itself: 9,500 would have cut routes from the documents that they
-/// answer with, decisions about proposals from those about alerts, and retirement from the life
-/// cycle that it ends.
-const SERVICE_CRATE_LINES_MAX: usize = 10_500;
+/// answer with, decisions about proposals from those about alerts, retirement from the life cycle
+/// that it ends, and actions on many robots from the single calls by whose code they decide.
+const SERVICE_CRATE_LINES_MAX: usize = 11_000;
 
 /// Returns the texts of the files below a folder with one of `endings`, by their paths below it.
 fn texts(folder: &Path, endings: &[&str]) -> BTreeMap<String, String> {

@@ -118,7 +118,7 @@ async fn run(order: &Order, session: u64) {
         fleet: fleet.clone(),
         clock: Arc::clone(&clock),
         policy,
-        key: key(),
+        keys: key().into(),
         membership: fleetcal_cluster::Membership::alone(),
     });
     let lifecycle = lifecycle.await.unwrap();
@@ -181,6 +181,7 @@ impl Worker {
                     by: None,
                 }),
                 present: Present::Unknown,
+                is_sending: false,
             };
             // Numbers that the store gives to nothing.
             let ids = NextIds {

@@ -68,7 +68,7 @@ async fn approvals_that_find_the_database_locked_are_answered_in_time() {
     let one = json!({
         "id": proposal["id"], "version": 1, "sha256": proposal["revision"]["sha256"],
     });
-    let body = json!({ "proposals": vec![one; 8] }).to_string();
+    let body = json!({ "proposals": vec![one; 40] }).to_string();
     let lock = locked(&service).await;
     let (answer, took) = tokio::task::block_in_place(|| {
         let asked = service::now();

@@ -3,10 +3,10 @@
 use std::fs;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fleetcal_domain::limits::ZENOH_SESSIONS_PER_ADDRESS_DEFAULT;
-use fleetcal_tests::service::{Service, wait_for};
+use fleetcal_tests::service::{Service, now, wait_for};
 
 use crate::durability::lifecycle::{Fleet, received};
 use crate::zenoh::raw_peer::{Channel, RawPeer};
@@ -157,7 +157,7 @@ async fn fragments_of_one_byte_leave_a_service_within_256_mib() {
     let pid = service.pid();
     let endpoint = service.endpoint();
     let to: SocketAddr = endpoint.trim_start_matches("tcp/").parse().unwrap();
-    let begun = Instant::now();
+    let begun = now();
     let (mut sent, mut most) = (0, 0);
     for number in 1.. {
         let from = IpAddr::V4(Ipv4Addr::LOCALHOST);

@@ -4,12 +4,14 @@
 
 mod access;
 mod audit;
+mod bulk;
 mod checks;
 mod commands;
 mod described;
 mod folder;
 mod hostile;
 mod json_schema;
+mod keys;
 mod moments;
 mod openapi;
 mod rest;

@@ -1,11 +1,11 @@
-//! Moments: the minute of data before something happened, as files that survive the process.
+//! Moments: the data before something happened, as files that survive the process.
 
 use std::path::Path;
 use std::process::Command;
 
 use fleetcal_robot::recording::Recording;
-use fleetcal_tests::rosbags;
 use fleetcal_tests::service::{Service, wait_for};
+use fleetcal_tests::{http, rosbags};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -70,6 +70,16 @@ async fn a_moment_survives_a_kill_right_after_it_was_listed() {
         );
     }
     // Nobody sends: the ring of the new process is empty, and a request is refused.
-    let path = "/api/v1/robots/tugger_01/moments/1";
-    assert_eq!(service.status(path, Some(&token)), 404);
+    let path = "/api/v1/robots/tugger_01/moments";
+    let asked = http::send(
+        service.http(),
+        &format!("POST {path}"),
+        Some(&token),
+        Some(("", "")),
+    );
+    let refused = asked.unwrap();
+    assert_eq!(refused.status, 409, "{}", refused.body);
+    assert!(refused.body.contains("robot_silent"), "{}", refused.body);
+    assert_eq!(listed(&service), before, "nothing was kept");
+    assert_eq!(service.status(&format!("{path}/1"), Some(&token)), 404);
 }

@@ -1,18 +1,61 @@
 //! Support bundle of a robot: complete, a readable archive, and without secrets.
 
 use std::fs;
+use std::path::Path;
 use std::process::Command;
 
-use fleetcal_tests::service::Service;
+use fleetcal_robot::fleet::{record_wrong, simulated_robots};
+use fleetcal_robot::simulator::WrongInput;
+use fleetcal_tests::service::{Service, wait_for};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::{recorded, send, sender};
+use super::{send, sender};
+
+/// Returns the files of an archive, by their names, as Python reads them.
+fn unpacked(zip: &Path) -> Value {
+    let script = "import json, sys, zipfile\nwith zipfile.ZipFile(sys.argv[1]) as archive:\n \
+                  assert archive.testzip() is None\n print(json.dumps({name: \
+                  archive.read(name).decode('latin-1') for name in archive.namelist()}))";
+    let read = Command::new("python3")
+        .args(["-c", script])
+        .arg(zip)
+        .output()
+        .unwrap();
+    let printed = String::from_utf8_lossy(&read.stderr);
+    assert!(read.status.success(), "{printed}");
+    serde_json::from_slice(&read.stdout).unwrap()
+}
+
+/// Returns the names of the files of a bundle, in their order, among them that of a moment.
+fn listed(service: &Service, recording: &str) -> Vec<String> {
+    let listed = service.get("/api/v1/robots/tugger_01/support?list=true");
+    let files = listed["files"].as_array().unwrap().iter();
+    let mut names: Vec<_> = files
+        .map(|file| file["name"].as_str().unwrap().to_owned())
+        .collect();
+    for name in [
+        "about.json",
+        "robot.json",
+        "estimate.json",
+        "checks.json",
+        "shadow.json",
+        "events.json",
+        "log.txt",
+        recording,
+    ] {
+        assert!(names.iter().any(|one| one == name), "{name} in {names:?}");
+    }
+    names.sort_unstable();
+    names
+}
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_support_bundle_has_what_it_lists_and_no_secret() {
     let folder = TempDir::new().unwrap();
-    let path = recorded(&folder, 10.0);
+    let path = folder.path().join("coarse.mcap");
+    let robots = simulated_robots(1, 7).unwrap();
+    record_wrong(&robots[0], 10.0, &path, &[WrongInput::WholeSeconds]).unwrap();
     let service = Service::start(&["tugger_01"]);
     let admin = service.made_token(&["--role", "admin", "--name", "planter"]);
     let token = service.made_token(&["--role", "operator", "--name", "support"]);
@@ -24,28 +67,13 @@ async fn a_support_bundle_has_what_it_lists_and_no_secret() {
     service.send("POST /api/v1/users", &admin, "", &user);
     let summary = send(sender(&service, &path, "tugger_01")).await;
     service.estimate_of("tugger_01", summary.drive_samples);
+    let warning = "what the robot sends looks wrong";
+    wait_for("the warning", || {
+        service.logged().contains(warning).then_some(())
+    });
     let moment = service.send("POST /api/v1/robots/tugger_01/moments", &token, "", "");
 
-    let listed = service.get("/api/v1/robots/tugger_01/support?list=true");
-    let listed: Vec<&str> = listed["files"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|file| file["name"].as_str().unwrap())
-        .collect();
-    let recording = format!("moments/{}.mcap", moment["id"]);
-    for name in [
-        "about.json",
-        "robot.json",
-        "estimate.json",
-        "checks.json",
-        "shadow.json",
-        "events.json",
-        "log.txt",
-        &recording,
-    ] {
-        assert!(listed.contains(&name), "{name} in {listed:?}");
-    }
+    let listed = listed(&service, &format!("moments/{}.mcap", moment["id"]));
     let zip = folder.path().join("support.zip");
     let fetched = Command::new("curl")
         .args(["--silent", "--show-error", "--fail", "--output"])
@@ -54,30 +82,24 @@ async fn a_support_bundle_has_what_it_lists_and_no_secret() {
         .arg(format!("{}/api/v1/robots/tugger_01/support", service.url()))
         .status();
     assert!(fetched.unwrap().success());
-    let script = "import json, sys, zipfile\nwith zipfile.ZipFile(sys.argv[1]) as archive:\n \
-                  assert archive.testzip() is None\n print(json.dumps({name: \
-                  archive.read(name).decode('latin-1') for name in archive.namelist()}))";
-    let read = Command::new("python3")
-        .args(["-c", script])
-        .arg(&zip)
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&read.stderr);
-    assert!(read.status.success(), "{said}");
-    let files: Value = serde_json::from_slice(&read.stdout).unwrap();
+    let files = unpacked(&zip);
     let files = files.as_object().unwrap();
-    assert_eq!(files.keys().collect::<Vec<_>>(), {
-        let mut sorted = listed.clone();
-        sorted.sort_unstable();
-        sorted
-    });
+    assert!(files.keys().eq(&listed), "{listed:?}");
     let json =
         |name: &str| -> Value { serde_json::from_str(files[name].as_str().unwrap()).unwrap() };
     assert_eq!(json("robot.json")["config"]["wheelbase_m"], 1.2);
     assert!(json("estimate.json")["detection"].is_object());
+    let log = files["log.txt"].as_str().unwrap();
+    let mut lines = log.lines();
+    assert!(
+        lines.any(|line| line.contains("robot.id=tugger_01") && line.contains(warning)),
+        "{log}"
+    );
     // Nothing in the archive is compressed but recordings, whose packed messages are the robot's.
     let key = fs::read(service.data().join("signing.key")).unwrap();
-    let key_in_hex: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
+    let key_in_hex = key
+        .iter()
+        .fold(String::new(), |text, byte| format!("{text}{byte:02x}"));
     let webhook_secret = secret["secret"].as_str().unwrap();
     let texts = [planted, &admin, &token, &key_in_hex, webhook_secret];
     let bytes = fs::read(&zip).unwrap();

@@ -1,4 +1,4 @@
-//! Recordings as `rosbags` of PyPI reads them, an implementation of ROS 2 recordings of its own.
+//! Recordings as `rosbags` of `PyPI` reads them, an implementation of ROS 2 recordings of its own.
 
 use std::env;
 use std::path::Path;

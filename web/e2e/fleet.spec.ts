@@ -189,7 +189,7 @@ for (const width of [900, 1_280, 1_440, 1_920]) {
   test(`nothing in the fleet's table is cut off, ${width} px`, async ({ page }) => {
     await page.setViewportSize({ width, height: 800 });
     await page.goto('/');
-    await expect(page.getByRole('columnheader')).toHaveCount(6);
+    await expect(page.getByRole('columnheader')).toHaveCount(7);
     await expect(page.getByRole('rowheader').first()).toBeVisible();
     const cutOff = await page
       .locator('thead th, td.needs')

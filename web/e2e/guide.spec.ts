@@ -132,6 +132,6 @@ test('a robot that sends nothing says why it cannot be calibrated', async ({ pag
   await page.getByLabel('In words').fill('hit a rack');
   await report.click();
   await expect(status).toContainText('Cannot be calibrated');
-  await expect(status).toContainText('sends no data');
+  await expect(status).toContainText('The robot sends nothing.');
   await expect(page.getByText('by ada: hit a rack')).toBeVisible();
 });

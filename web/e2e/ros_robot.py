@@ -57,7 +57,8 @@ def main():
 
     hearing = [near.declare_subscriber("fleet/*/wheel_odometry", take_drive),
                near.declare_subscriber("fleet/*/scan", lambda sample: topics["front/scan"].put(sample.payload))]
-    driving = subprocess.Popen([fleetcal, "simulate", "--robots", "1", "--connect", at], stdout=subprocess.DEVNULL)
+    driving = subprocess.Popen([fleetcal, "simulate", "--robots", "1", "--single-samples", "--connect", at],
+                               stdout=subprocess.DEVNULL)
     for number in signal.SIGTERM, signal.SIGINT:
         signal.signal(number, lambda *_: driving.terminate())
     driving.wait()

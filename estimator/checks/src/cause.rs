@@ -217,7 +217,8 @@ causes! {
         "Look at the steering encoder and at what publishes the angle.";
     SteeringSign, "steering_sign", Steering, DRIVEN, true,
         "Angle and turn have opposite signs.",
-        "The angle is positive to the right, or the steered axle is at the rear: turn its sign (steering_gear = -1). Or \
+        "The angle is positive to the right: turn its sign (steering_gear = -1). Or the steered axle is at the other \
+         end: set model = \"rear_steered\" for one at the rear, \"bicycle\" or \"tricycle\" for one in front. Or \
          the scanner is mounted upside down: then something at its left is at negative angles; hold a hand there to tell.";
     SteeringDegrees, "steering_degrees", Steering, DRIVEN, true,
         "The angle is in degrees.",
@@ -239,10 +240,10 @@ causes! {
         "Check the wheelbase and the gear of the steering angle; drive wider and narrower turns to tell them apart.";
     Tricycle, "tricycle", Model, LONG, true,
         "The speed is that of the steered wheel.",
-        "Set model = \"tricycle\".";
+        "Set model = \"tricycle\"; of a rear_steered vehicle, speed_measured_at = \"steered_wheel\".";
     Bicycle, "bicycle", Model, LONG, true,
         "The speed is that of the fixed axle.",
-        "Set model = \"bicycle\".";
+        "Set model = \"bicycle\"; of a rear_steered vehicle, speed_measured_at = \"rear_axle\".";
     LinkageWheel, "linkage_wheel", Model, LONG, true,
         "The angle is that of one wheel of a linkage.",
         "Send the angle of the middle: the mean of both wheels' cotangents.";

@@ -2,8 +2,6 @@
 
 use nalgebra::Complex;
 
-use fleetcal_model::VehicleModel;
-
 use crate::curve::{Bend, Bends, Curve};
 use crate::fit::{self, Equation, quantile};
 use crate::grid::{Channel, Grid};
@@ -221,14 +219,15 @@ impl Motion {
         Some(motion)
     }
 
-    /// Model that the speed supports, where it does one.
-    pub fn model(&self) -> Option<VehicleModel> {
+    /// True if the speed is that of the steered wheel, false if that of the fixed axle, where it
+    /// supports one.
+    pub fn is_at_steered_wheel(&self) -> Option<bool> {
         let mount = self.mount?;
         let (axle, wheel) = (mount.residual_axle, mount.residual_wheel);
         if wheel < axle / 1.4 && axle - wheel > 0.004 {
-            Some(VehicleModel::Tricycle)
+            Some(true)
         } else if axle < wheel / 1.4 && wheel - axle > 0.004 {
-            Some(VehicleModel::Bicycle)
+            Some(false)
         } else {
             None
         }

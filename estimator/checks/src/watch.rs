@@ -180,7 +180,7 @@ impl Watch {
 
 #[cfg(test)]
 mod tests {
-    use fleetcal_model::{RobotTime, VehicleModel};
+    use fleetcal_model::{RobotTime, SpeedMeasuredAt, VehicleModel};
 
     use super::*;
     use crate::cause::Cause;
@@ -196,6 +196,7 @@ mod tests {
         fn new() -> Self {
             let described = Described {
                 model: VehicleModel::Bicycle,
+                speed_measured_at: SpeedMeasuredAt::RearAxle,
                 wheelbase_m: 1.2,
                 nominal_yaw_rad: None,
             };

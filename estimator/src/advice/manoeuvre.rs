@@ -85,7 +85,7 @@ impl Manoeuvre {
                         speed_mps,
                         speed_rate_mps2: before_mps
                             .map_or(0.0, |before| (speed_mps - before) / STEP_S),
-                        steering_rad: leg.steering_rad,
+                        steering_rad: vehicle.model.steered_ahead() * leg.steering_rad,
                         ..DriveReading::default()
                     },
                     held_m: 0.0,

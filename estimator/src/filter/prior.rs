@@ -9,7 +9,7 @@ use super::{
 use crate::estimate::Parameter;
 use crate::geometry::Pose2;
 use crate::settings::{EstimatorSettings, Freedom};
-use crate::vehicle::{Vehicle, VehicleModel};
+use crate::vehicle::Vehicle;
 
 /// Sigma of the asymmetry, typical by docs/assumptions.md: the gain differs by 1 % between left and
 /// right.
@@ -92,16 +92,10 @@ impl Prior {
     }
 }
 
-/// True if the steering may have a curve. A linkage bends it; a tricycle's sensor sits on the axis
-/// of the very wheel that steers.
-fn has_curve(vehicle: &Vehicle) -> bool {
-    vehicle.model == VehicleModel::Bicycle
-}
-
 /// True if an unpublished gain is a state all the same, which it is unless a free wheelbase takes
 /// its part: no linkage is without one.
 fn has_hidden_gain(vehicle: &Vehicle, settings: &EstimatorSettings) -> bool {
-    has_curve(vehicle)
+    vehicle.has_linkage()
         && settings.freedom(Parameter::SteeringGain) == Freedom::Off
         && settings.freedom(Parameter::Wheelbase) != Freedom::Estimated
 }
@@ -116,7 +110,7 @@ fn open_curve(sigma: &mut Values, vehicle: &Vehicle, settings: &EstimatorSetting
     if has_hidden_gain(vehicle, settings) {
         sigma[Parameter::SteeringGain.index()] = settings.prior_sigma.steering_gain;
     }
-    if has_curve(vehicle) {
+    if vehicle.has_linkage() {
         sigma[ASYMMETRY] = ASYMMETRY_SIGMA;
         sigma[QUADRATIC] = QUADRATIC_SIGMA_PER_RAD;
         sigma[CUBIC] = CUBIC_SIGMA_PER_RAD2;

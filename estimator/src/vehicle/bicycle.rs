@@ -1,22 +1,23 @@
-//! The bicycle: the speed is known at the rear axle, or at one wheel on it.
+//! The bicycle: the speed is known at the fixed axle, or at one wheel on it.
 
 use super::{DriveParameters, DriveReading, Motion, Steering, by_parameters};
 
 /// The paper's equations (2), in continuous time: `theta' = v tan(delta_true) / L`.
 ///
-/// A rear wheel `lateral_m` left of the centre rolls at `v (1 - lateral * kappa)` with the
+/// `L` is the place of the steered axle, negative behind the fixed one. A wheel `lateral_m` left of the centre rolls at `v (1 - lateral * kappa)` with the
 /// curvature `kappa = tan(delta_true) / L`; at the centre itself the factor is 1. Reversed, that wheel rolls
 /// the same circle: `lateral` stays, and changes sign mirrored.
 pub(super) fn motion(
     drive: DriveReading,
     lateral_m: f64,
     steering: Steering,
+    steered_at_m: f64,
     parameters: &DriveParameters,
 ) -> Motion {
     let (scale, wheelbase_m) = (parameters.speed_scale, parameters.wheelbase_m);
     let tan = steering.true_rad.tan();
-    let kappa = tan / wheelbase_m;
-    let kappa_by_steering = (1.0 + tan * tan) / wheelbase_m;
+    let kappa = tan / steered_at_m;
+    let kappa_by_steering = (1.0 + tan * tan) / steered_at_m;
     let kappa_by_wheelbase = -kappa / wheelbase_m;
 
     let factor = 1.0 / (1.0 - lateral_m * kappa);

@@ -1,7 +1,10 @@
-//! Vehicle models: the rear axle's motion by measured speed and steering.
+//! Vehicle models: the fixed axle's motion by measured speed and steering.
 //!
-//! A model is one file with one function, `motion`: it returns the rear axle's speed and yaw rate
-//! and their derivatives by the parameters. Everything else (prediction, initial guess, advice) is
+//! `base` lies on the fixed axle: at the rear, or in front where a vehicle steers at the rear. The
+//! steered axle is at the wheelbase before or behind it ([`VehicleModel::steered_ahead`]).
+//!
+//! A place of the speed's measurement is one file with one function, `motion`: it returns the axle's
+//! speed and yaw rate and their derivatives by the parameters. Everything else (prediction, initial guess, advice) is
 //! written on [`Motion`] and knows no model.
 //!
 //! Each term is named with its behaviour when the drive is *mirrored* (left for right: steering,
@@ -27,7 +30,7 @@ const STEERING_BEFORE_REAR_AXLE_MAX_RAD: f64 = 1.396;
 pub struct Vehicle {
     /// Steering geometry.
     pub model: VehicleModel,
-    /// Distance from the rear axle to the steered axle, m.
+    /// Distance from the fixed axle to the steered one, m.
     pub wheelbase_m: f64,
     /// Place where its speed is measured.
     pub speed_measured_at: SpeedMeasuredAt,
@@ -152,14 +155,10 @@ pub struct Motion {
 impl Vehicle {
     /// A vehicle whose speed is measured where its model usually measures it.
     pub fn new(model: VehicleModel, wheelbase_m: f64) -> Self {
-        let speed_measured_at = match model {
-            VehicleModel::Bicycle => SpeedMeasuredAt::RearAxle,
-            VehicleModel::Tricycle => SpeedMeasuredAt::SteeredWheel,
-        };
         Self {
             model,
             wheelbase_m,
-            speed_measured_at,
+            speed_measured_at: model.speed_measured_at(),
         }
     }
 
@@ -174,15 +173,45 @@ impl Vehicle {
         }
     }
 
+    /// Place of the steered axle along x of `base`, m: behind the fixed axle it is negative.
+    fn steered_at_m(&self, wheelbase_m: f64) -> f64 {
+        self.model.steered_ahead() * wheelbase_m
+    }
+
+    /// True if a linkage is between sensor and wheels. The sensor of a wheel that is steered and
+    /// driven sits on its axis.
+    pub fn has_linkage(&self) -> bool {
+        match self.model {
+            VehicleModel::Bicycle => true,
+            VehicleModel::Tricycle => false,
+            VehicleModel::RearSteered => self.speed_measured_at != SpeedMeasuredAt::SteeredWheel,
+        }
+    }
+
+    /// The speed and steering angle that this vehicle's sensors would measure, without any error,
+    /// while its rear axle moves so: the inverse of [`Self::motion`], m/s and rad. At rest the angle
+    /// is 0.
+    pub fn reading_of(&self, speed_mps: f64, yaw_rate_radps: f64) -> (f64, f64) {
+        let tan = self.steered_at_m(self.wheelbase_m) * yaw_rate_radps / speed_mps;
+        let steering_rad = if tan.is_finite() { tan.atan() } else { 0.0 };
+        let measured_mps = match self.speed_measured_at {
+            SpeedMeasuredAt::RearAxle => speed_mps,
+            SpeedMeasuredAt::RearWheel { lateral_m } => speed_mps - lateral_m * yaw_rate_radps,
+            SpeedMeasuredAt::SteeredWheel => speed_mps / steering_rad.cos(),
+        };
+        (measured_mps, steering_rad)
+    }
+
     /// The rear axle's motion under a drive reading.
     pub fn motion(&self, drive: DriveReading, parameters: &DriveParameters) -> Motion {
         let steering = Steering::of(drive, parameters);
+        let at_m = self.steered_at_m(parameters.wheelbase_m);
         let rolling = match self.speed_measured_at {
-            SpeedMeasuredAt::RearAxle => bicycle::motion(drive, 0.0, steering, parameters),
+            SpeedMeasuredAt::RearAxle => bicycle::motion(drive, 0.0, steering, at_m, parameters),
             SpeedMeasuredAt::RearWheel { lateral_m } => {
-                bicycle::motion(drive, lateral_m, steering, parameters)
+                bicycle::motion(drive, lateral_m, steering, at_m, parameters)
             }
-            SpeedMeasuredAt::SteeredWheel => tricycle::motion(drive, steering, parameters),
+            SpeedMeasuredAt::SteeredWheel => tricycle::motion(drive, steering, at_m, parameters),
         };
         with_side_slip(&rolling, parameters.side_slip_rad_per_mps2)
     }
@@ -304,10 +333,32 @@ mod tests {
         q
     }
 
+    impl DriveParameters {
+        /// Parameters of sensors without any error.
+        fn exact(wheelbase_m: f64) -> Self {
+            Self {
+                steering_offset_rad: 0.0,
+                speed_scale: 1.0,
+                wheelbase_m,
+                steering_gain: 1.0,
+                side_slip_rad_per_mps2: 0.0,
+                curve: SteeringCurve::default(),
+                response: SteeringResponse::default(),
+                half_play_rad: 0.0,
+            }
+        }
+    }
+
     fn vehicle() -> impl Strategy<Value = Vehicle> {
         prop_oneof![
             Just(Vehicle::new(VehicleModel::Bicycle, 1.2)),
             Just(Vehicle::new(VehicleModel::Tricycle, 1.5)),
+            Just(Vehicle::new(VehicleModel::RearSteered, 1.5)),
+            Just(Vehicle {
+                model: VehicleModel::RearSteered,
+                wheelbase_m: 1.5,
+                speed_measured_at: SpeedMeasuredAt::SteeredWheel,
+            }),
             Just(Vehicle {
                 model: VehicleModel::Bicycle,
                 wheelbase_m: 1.2,
@@ -325,6 +376,19 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn a_reading_is_of_the_motion_that_it_makes(
+            vehicle in vehicle(),
+            speed_mps in prop_oneof![-2.0..-0.1f64, 0.1..2.0f64],
+            curvature in -0.5..0.5f64,
+        ) {
+            let (speed, steering_rad) = vehicle.reading_of(speed_mps, speed_mps * curvature);
+            let drive = DriveReading { speed_mps: speed, steering_rad, ..DriveReading::default() };
+            let motion = vehicle.motion(drive, &DriveParameters::exact(vehicle.wheelbase_m));
+            prop_assert!((motion.speed_mps - speed_mps).abs() < 1e-9);
+            prop_assert!((motion.yaw_rate_radps - speed_mps * curvature).abs() < 1e-9);
+        }
+
         #[test]
         fn derivatives_match_differences(
             vehicle in vehicle(),
@@ -376,13 +440,7 @@ mod tests {
         let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
         let p = DriveParameters {
             steering_offset_rad: 0.05,
-            speed_scale: 1.0,
-            wheelbase_m: 1.2,
-            steering_gain: 1.0,
-            side_slip_rad_per_mps2: 0.0,
-            curve: SteeringCurve::default(),
-            response: SteeringResponse::default(),
-            half_play_rad: 0.0,
+            ..DriveParameters::exact(1.2)
         };
         let motion = vehicle.motion(
             DriveReading {

@@ -23,6 +23,7 @@ mod jumping_steering;
 mod lost_odometry;
 mod nonsense;
 mod observability;
+mod rear_steered;
 mod reassemblies;
 mod restarts;
 mod restarts_in_motion;

@@ -26,15 +26,36 @@ pub enum VehicleModel {
     Bicycle,
     /// One steered and driven front wheel, speed measured at that wheel.
     Tricycle,
+    /// Steered axle or wheel behind the fixed axle, as of forklifts; speed measured at the fixed
+    /// axle. An angle is positive where the wheel is turned to the left, counter-clockwise from
+    /// above: it turns the vehicle to the right.
+    RearSteered,
 }
 
 impl VehicleModel {
     /// Every model.
     pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
 
-    /// The name in documents.
+    /// Returns its name in configurations and documents.
     pub fn name(self) -> &'static str {
         self.into()
+    }
+
+    /// Returns the usual place of its speed measurement.
+    pub const fn speed_measured_at(self) -> SpeedMeasuredAt {
+        match self {
+            Self::Bicycle | Self::RearSteered => SpeedMeasuredAt::RearAxle,
+            Self::Tricycle => SpeedMeasuredAt::SteeredWheel,
+        }
+    }
+
+    /// Returns 1 where the steered axle is before the fixed one, -1 where it is behind: the yaw rate is
+    /// that sign times `v tan(steering) / wheelbase`.
+    pub const fn steered_ahead(self) -> f64 {
+        match self {
+            Self::Bicycle | Self::Tricycle => 1.0,
+            Self::RearSteered => -1.0,
+        }
     }
 }
 
@@ -43,11 +64,11 @@ impl VehicleModel {
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum SpeedMeasuredAt {
-    /// Rear axle's centre.
+    /// Fixed axle's centre: of the rear axle, or of the front axle of a rear-steered vehicle.
     RearAxle,
-    /// Steered front wheel: `v = v_front * cos(steering_true)`.
+    /// Steered wheel: `v = v_wheel * cos(steering_true)`.
     SteeredWheel,
-    /// One rear wheel, `lateral_m` to the left of the axle's centre.
+    /// One wheel of the fixed axle, `lateral_m` to the left of the axle's centre.
     RearWheel {
         /// Position of the wheel along y of `base`, m.
         lateral_m: f64,

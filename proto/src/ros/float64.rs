@@ -1,8 +1,9 @@
-//! `std_msgs/msg/Float64`.
+//! `std_msgs/msg/Float64`: a steering angle or a speed alone, without a stamp.
 
 use serde::{Deserialize, Serialize};
 
 use super::RosMessage;
+use super::wheels::{Joints, WheelMessage, Wheels};
 use crate::cdr::{CdrError, CdrReader, CdrWriter};
 
 /// A number without a stamp.
@@ -28,5 +29,12 @@ impl RosMessage for Float64 {
 
     fn body_bytes(&self) -> usize {
         8
+    }
+}
+
+/// As of a `Float32`.
+impl WheelMessage for Float64 {
+    fn wheels(self, _joints: Option<&Joints>) -> Wheels {
+        Wheels::of_number(self.data)
     }
 }

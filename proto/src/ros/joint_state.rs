@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::wheels::{JointValue, Joints, WheelMessage, Wheels};
 use super::{Header, RosMessage, serde_forms};
 use crate::cdr::{CdrError, CdrReader, CdrWriter};
 
@@ -68,5 +69,21 @@ impl RosMessage for JointState {
         let names: usize = self.name.iter().map(|name| name.len() + 8).sum();
         let numbers = self.position.len() + self.velocity.len() + self.effort.len();
         self.header.body_bytes() + 28 + names + 8 * numbers
+    }
+}
+
+/// Positions and velocities of the joints by name, rad and rad/s.
+impl WheelMessage for JointState {
+    fn wheels(self, joints: Option<&Joints>) -> Wheels {
+        let (steering, speed) = Joints::wheels_by_name(joints, |name, value| match value {
+            JointValue::Position => self.position_of(name),
+            JointValue::Velocity => self.velocity_of(name),
+        });
+        Wheels {
+            header: Some(self.header),
+            steering,
+            speed,
+            yaw_rate_radps: None,
+        }
     }
 }

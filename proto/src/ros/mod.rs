@@ -5,38 +5,53 @@
 
 mod ackermann;
 mod drive_samples;
+mod dynamic_joint_state;
 mod estimate;
+mod float32;
 mod float64;
 mod header;
 mod joint_state;
+mod joints;
 mod laser_scan;
 mod log;
+mod multi_echo_laser_scan;
 mod odometry;
 mod point_cloud2;
 mod pose_stamped;
 mod serde_forms;
+mod steering_controller_status;
 mod string;
 mod tf_message;
 mod twist_stamped;
+mod vehicle_report;
+mod vesc_state;
+mod wheels;
 
 pub use ackermann::{AckermannDrive, AckermannDriveStamped};
 pub use drive_samples::{
     DRIVE_SAMPLES_MAX, DRIVE_SAMPLES_SPAN_MAX_NS, DriveSamples, MeasuredDrive, SamplesRefused,
 };
+pub use dynamic_joint_state::{DynamicJointState, InterfaceValue};
 pub use estimate::{Estimate, ParameterEstimate};
+pub use float32::Float32;
 pub use float64::Float64;
 pub use header::{Header, Time};
 pub use joint_state::JointState;
 pub use laser_scan::{LaserScan, ScanRefused};
 pub use log::Log;
+pub use multi_echo_laser_scan::{LaserEcho, MultiEchoLaserScan};
 pub use odometry::{
     Covariance, Odometry, Pose, PoseWithCovariance, Quaternion, Twist, TwistWithCovariance, Vector3,
 };
 pub use point_cloud2::{CloudRefused, Column, PointCloud2, PointDatatype, PointField};
 pub use pose_stamped::PoseStamped;
+pub use steering_controller_status::SteeringControllerStatus;
 pub use string::StringMessage;
 pub use tf_message::{TRANSFORMS_MAX, TfMessage, Transform, TransformStamped};
-pub use twist_stamped::TwistStamped;
+pub use twist_stamped::{TwistStamped, TwistWithCovarianceStamped};
+pub use vehicle_report::{SteeringReport, VelocityReport};
+pub use vesc_state::{VescState, VescStateStamped};
+pub use wheels::{JointValue, Joints, Units, Unstated, WheelMessage, Wheels};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::wheels::{Joints, WheelMessage, Wheels};
 use super::{Header, RosMessage, serde_forms};
 use crate::cdr::{CdrError, CdrReader, CdrWriter};
 
@@ -237,6 +238,20 @@ impl RosMessage for Odometry {
 
     fn body_bytes(&self) -> usize {
         self.header.body_bytes() + self.child_frame_id.len() + 16 + 8 * (7 + 36 + 6 + 36)
+    }
+}
+
+impl Twist {
+    /// The forward speed, m/s, and the yaw rate, rad/s, left positive, of the moving frame.
+    pub(super) fn wheels_at(&self, header: Header) -> Wheels {
+        Wheels::of_speed_and_yaw_rate(header, self.linear.x, self.angular.z)
+    }
+}
+
+/// Speed and yaw rate of the child frame.
+impl WheelMessage for Odometry {
+    fn wheels(self, _joints: Option<&Joints>) -> Wheels {
+        self.twist.twist.wheels_at(self.header)
     }
 }
 

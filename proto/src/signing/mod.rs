@@ -60,7 +60,8 @@ impl fmt::Debug for SigningKey {
 }
 
 /// Public half of a key, which robots are provisioned with once. Written as base64.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct PublicKey(ed25519_dalek::VerifyingKey);
 
 /// Reason for which a text is not a public key.
@@ -111,6 +112,20 @@ impl FromStr for PublicKey {
     }
 }
 
+impl TryFrom<String> for PublicKey {
+    type Error = PublicKeyRefused;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        text.parse()
+    }
+}
+
+impl From<PublicKey> for String {
+    fn from(key: PublicKey) -> Self {
+        key.to_string()
+    }
+}
+
 /// Keys whose signatures are trusted, at least one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TrustedKeys(Vec<PublicKey>);
@@ -140,6 +155,18 @@ impl TrustedKeys {
     pub fn ids(&self) -> String {
         let ids: Vec<String> = self.0.iter().map(PublicKey::id).collect();
         ids.join(", ")
+    }
+
+    /// Returns the keys.
+    pub fn keys(&self) -> impl Iterator<Item = &PublicKey> {
+        self.0.iter()
+    }
+
+    /// Trusts one key more.
+    #[must_use]
+    pub(crate) fn and(mut self, key: PublicKey) -> Self {
+        self.0.push(key);
+        self
     }
 
     fn find(&self, id: &str) -> Option<&PublicKey> {
@@ -296,6 +323,17 @@ pub enum EnvelopeRefused {
 }
 
 impl Envelope {
+    /// Signs the same bytes with another key.
+    #[must_use]
+    pub fn signed_again(&self, key: &SigningKey) -> Self {
+        Self {
+            document: self.document.clone(),
+            sha256: self.sha256.clone(),
+            key_id: key.public_key().id(),
+            signature: BASE64.encode(key.0.sign(self.document.as_bytes()).to_bytes()),
+        }
+    }
+
     /// Reads an envelope without opening it.
     ///
     /// # Errors
@@ -388,6 +426,11 @@ impl Confirmed {
 #[derive(Deserialize)]
 struct SchemaAlone {
     schema: serde_json::Value,
+}
+
+/// Reads a document before it is opened, for the name of the key that it should be opened with.
+pub(crate) fn read_text<T: Statement>(document: &str) -> Result<T, EnvelopeRefused> {
+    read_document(document.as_bytes())
 }
 
 fn read_document<T: Statement>(bytes: &[u8]) -> Result<T, EnvelopeRefused> {

@@ -1,6 +1,6 @@
 //! Events of an agent, and the effects it asks for.
 
-use fleetcal_proto::calibration::{Applied, CalibrationValues, Confirmed};
+use fleetcal_proto::calibration::{Applied, CalibrationValues, Confirmed, Envelope};
 use fleetcal_proto::offer::{Offered, Question};
 use thiserror::Error;
 
@@ -23,6 +23,8 @@ pub enum Event {
     },
     /// The service has confirmed a stored acknowledgement.
     Confirmed(Confirmed),
+    /// The service announces the changes of its signing key, oldest first.
+    KeyChanged(Vec<Envelope>),
     /// A service came up.
     ServiceUp,
     /// Time passed.
@@ -45,6 +47,7 @@ impl Event {
             Self::Restarted { .. } => "a restart",
             Self::Offered { .. } => "an offer",
             Self::Confirmed(_) => "a confirmation",
+            Self::KeyChanged(_) => "a change of key",
             Self::ServiceUp => "a service",
             Self::Tick => "a tick",
             Self::HookAnswered(_) => "an answer of the hook",

@@ -81,6 +81,14 @@ pub enum FileError {
         /// The file.
         path: PathBuf,
     },
+    /// A file of other software lacks the place for the LiDAR's pose.
+    #[error("{}: {reason}", path.display())]
+    NoPlace {
+        /// The file.
+        path: PathBuf,
+        /// Missing part.
+        reason: String,
+    },
     /// The file is in use by another agent.
     #[error("{}: another agent works on this file", path.display())]
     Locked {
@@ -247,7 +255,7 @@ fn at(path: &Path) -> impl Fn(io::Error) -> FileError {
     }
 }
 
-fn beside(path: &Path, ending: &str) -> PathBuf {
+pub(super) fn beside(path: &Path, ending: &str) -> PathBuf {
     let mut name = OsString::from(path);
     name.push(ending);
     PathBuf::from(name)
@@ -288,6 +296,14 @@ pub(super) fn read(path: &Path) -> Result<Option<String>, FileError> {
         });
     }
     Ok(Some(text))
+}
+
+/// Removes a file, which need not exist.
+pub(super) fn remove(path: &Path) -> Result<(), FileError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(at(path)(error)),
+        _ => Ok(()),
+    }
 }
 
 /// Replaces a file by temporary file, fsync, rename, and fsync of the folder: after a power loss it

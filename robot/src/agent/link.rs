@@ -9,11 +9,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use fleetcal_proto::calibration::{Applied, Confirmed};
+use fleetcal_proto::key_change::{KEY_CHANGE_BYTES_MAX, KEY_CHANGES_MAX, KeyAnnouncement};
 use fleetcal_proto::offer::{Offered, QUESTION_BYTES, Question};
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
 use tokio::runtime::Handle;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use zenoh::Session;
 use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::sample::{Sample, SampleKind};
@@ -29,6 +30,8 @@ const TURN_WITHIN: Duration = Duration::from_secs(10);
 const INCOMING_MAX: usize = 8;
 /// Longest confirmation that is read, bytes.
 const CONFIRMED_BYTES_MAX: usize = 4096;
+/// Longest announcement of changes of key that is read, bytes.
+const KEY_ANNOUNCEMENT_BYTES_MAX: usize = KEY_CHANGES_MAX * KEY_CHANGE_BYTES_MAX;
 
 /// Declarations of a robot's calibration keys.
 #[derive(Debug)]
@@ -43,12 +46,12 @@ pub(crate) struct CalibrationLink {
 
 impl CalibrationLink {
     /// Declares the keys. Incoming messages arrive in the receiver. Of several answers to one
-    /// query, the newest that a trusted key has signed is used.
+    /// query, the newest that a key in `trusted` has signed is used.
     pub async fn declare(
         session: &Session,
         keys: &Keys,
         robot: &RobotId,
-        trusted: Option<&TrustedKeys>,
+        trusted: Option<watch::Receiver<TrustedKeys>>,
     ) -> Result<(Self, mpsc::Receiver<Event>), SessionError> {
         let (sender, incoming) = mpsc::channel(INCOMING_MAX);
         let approved_key = keys.stream(robot, StreamKind::CalibrationApproved);
@@ -64,7 +67,7 @@ impl CalibrationLink {
             asker: Asker {
                 session: session.clone(),
                 sender,
-                trusted: trusted.cloned(),
+                trusted,
             },
             approved_key,
             confirmed_key,
@@ -107,10 +110,19 @@ fn pushed(sample: &Sample) -> Answer {
 }
 
 fn offered(sample: &Sample, answers: Option<Question>) -> Answer {
-    match Offered::from_json(&sample.payload().to_bytes()) {
+    let payload = sample.payload().to_bytes();
+    match Offered::from_json(&payload) {
         Ok(offered) => Ok(Event::Offered { offered, answers }),
-        Err(error) => Err(error.to_string()),
+        Err(error) => key_announced(&payload).ok_or_else(|| error.to_string()),
     }
+}
+
+fn key_announced(payload: &[u8]) -> Option<Event> {
+    if payload.len() > KEY_ANNOUNCEMENT_BYTES_MAX {
+        return None;
+    }
+    let announcement: KeyAnnouncement = serde_json::from_slice(payload).ok()?;
+    Some(Event::KeyChanged(announcement.key_changes))
 }
 
 fn confirmed(sample: &Sample) -> Answer {

@@ -7,8 +7,9 @@ use fleetcal_model::{Generation, Pose2, RobotTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationDocument;
 use fleetcal_proto::offer::{Offered, Question};
-use fleetcal_proto::signing::TrustedKeys;
+use fleetcal_proto::signing::{EnvelopeRefused, TrustedKeys};
 
+use super::keys::with_remedy;
 use super::limits::Limits;
 use super::state::{Memory, Offer, Phase, Rest};
 
@@ -36,7 +37,7 @@ pub(super) enum Verdict {
     Fit(Offer),
     /// Decided before, or in use.
     Known,
-    /// Signed and new, but unsolicited: it may have been recorded long ago.
+    /// Unsolicited: it may have been recorded long ago, or be signed with a new key.
     Unasked,
     /// Signed, but not for now: it is acknowledged and leaves no trace.
     Stale(Refusal),
@@ -70,13 +71,17 @@ pub(super) fn judge(
     let document = match envelope.open(&identity.trusted) {
         Ok(document) => document,
         Err(error) if is_known(memory, None, &sha256) => {
-            return Verdict::Mistaken(error.to_string());
+            return Verdict::Mistaken(with_remedy(&error));
+        }
+        // It may be of a new key, which is announced with the answer to a query.
+        Err(EnvelopeRefused::KeyUnknown { .. }) if answers.is_none() => {
+            return Verdict::Unasked;
         }
         Err(error) => {
             return Verdict::Forged(Refusal {
                 generation: claimed_generation(&envelope.document),
                 sha256,
-                reason: error.to_string(),
+                reason: with_remedy(&error),
             });
         }
     };
@@ -136,7 +141,7 @@ fn wanted_for(
 ) -> Result<Duration, String> {
     let offer = offered
         .open_offer(&identity.trusted)
-        .map_err(|error| format!("offer: {error}"))?;
+        .map_err(|error| format!("offer: {}", with_remedy(&error)))?;
     let is_of_it = (&offer.robot, offer.generation) == (&document.robot, document.generation)
         && offer.sha256 == offered.envelope.sha256;
     if !is_of_it {

@@ -1,15 +1,15 @@
 //! Files beside the applied one in which ROS finds the same values: a URDF origin, the line of a
-//! `static_transform_publisher`, and node parameters.
+//! `static_transform_publisher`, node parameters, and places in files of other software. Each names
+//! its frames and the generation, and has poses in one frame alone.
 
 use std::fmt::Write as _;
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use fleetcal_model::Pose2;
+use fleetcal_model::{Generation, Pose2};
 use fleetcal_proto::calibration::CalibrationValues;
 
 use super::file::{self, FileError};
+use super::in_place::{self, Format, Placed};
 
 /// Comment in every file that the agent may replace.
 const MARK: &str = "Written by fleetcal agent, which replaces it";
@@ -48,6 +48,21 @@ pub enum OutputKind {
     StaticTransform,
     /// Parameters of every node, under `fleetcal`.
     RosParameters,
+    /// A URDF of the robot, in which the origin of the LiDAR's joint is replaced.
+    UrdfJoint,
+    /// Autoware's `sensors_calibration.yaml`, in which the LiDAR's x, y and yaw are replaced.
+    AutowareCalibration,
+}
+
+impl OutputKind {
+    /// Returns the format of a file that belongs to other software; `None` for the agent's own.
+    const fn in_place(self) -> Option<Format> {
+        match self {
+            Self::UrdfJoint => Some(Format::Urdf),
+            Self::AutowareCalibration => Some(Format::Autoware),
+            Self::UrdfOrigin | Self::StaticTransform | Self::RosParameters => None,
+        }
+    }
 }
 
 /// Additional files to write.
@@ -64,14 +79,22 @@ impl Outputs {
     /// to another program.
     pub(super) fn check(&self, own: &[PathBuf]) -> Result<(), FileError> {
         let mut taken: Vec<PathBuf> = own.iter().map(|path| file::resolved(path)).collect();
-        for (_, path) in &self.files {
-            let place = file::resolved(path);
-            if taken.contains(&place) {
-                return Err(FileError::Twice { path: path.clone() });
+        for (kind, path) in &self.files {
+            let former = kind.in_place().map(|_| in_place::former(path));
+            for path in [path].into_iter().chain(&former) {
+                let place = file::resolved(path);
+                if taken.contains(&place) {
+                    return Err(FileError::Twice { path: path.clone() });
+                }
+                taken.push(place);
             }
-            taken.push(place);
         }
-        for (_, path) in &self.files {
+        for (kind, path) in &self.files {
+            if let Some(format) = kind.in_place() {
+                let placed = self.placed(Pose2::IDENTITY, Generation::FACTORY);
+                in_place::check(path, format, &placed)?;
+                continue;
+            }
             let there = file::read(path)?;
             if there.is_some_and(|text| !text.contains(MARK)) {
                 return Err(FileError::NotOurs { path: path.clone() });
@@ -80,26 +103,44 @@ impl Outputs {
         Ok(())
     }
 
-    /// Writes these values, which came with this pose of the rear axle, to all files; `None`
-    /// removes the files.
+    /// Writes these values, of this generation, which came with this pose of the rear axle, to all
+    /// files; `None` removes the agent's own files and restores the pose in the others.
     pub(super) fn write(
         &self,
         values: Option<&CalibrationValues>,
         rear_axle: Option<Pose2>,
+        generation: Generation,
     ) -> Result<(), FileError> {
         let rear_axle = self.rear_axle(rear_axle);
         for (kind, path) in &self.files {
-            match values {
-                Some(values) => {
-                    let text = self.text(*kind, values, rear_axle);
+            match (values, kind.in_place()) {
+                (None, None) => file::remove(path)?,
+                (None, Some(format)) => {
+                    let placed = self.placed(Pose2::IDENTITY, generation);
+                    in_place::restore(path, format, &placed)?;
+                }
+                (Some(values), Some(format)) => {
+                    let placed = self.placed(lidar_in_base_link(values, rear_axle), generation);
+                    in_place::write(path, format, &placed)?;
+                }
+                (Some(values), None) => {
+                    let text = self.text(*kind, values, rear_axle, generation);
                     if file::read(path)?.as_deref() != Some(text.as_str()) {
                         file::replace(path, &text)?;
                     }
                 }
-                None => remove(path)?,
             }
         }
         Ok(())
+    }
+
+    fn placed(&self, lidar: Pose2, generation: Generation) -> Placed<'_> {
+        Placed {
+            lidar,
+            base_link: &self.frames.base_link,
+            frame: &self.frames.lidar,
+            generation,
+        }
     }
 
     fn rear_axle(&self, said: Option<Pose2>) -> Pose2 {
@@ -107,24 +148,29 @@ impl Outputs {
         given.or(said).unwrap_or_default()
     }
 
-    fn text(&self, kind: OutputKind, values: &CalibrationValues, rear_axle: Pose2) -> String {
-        let lidar = rear_axle.compose(&Pose2 {
-            x_m: values.lidar_x_m,
-            y_m: values.lidar_y_m,
-            yaw_rad: values.lidar_yaw_rad,
-        });
+    fn text(
+        &self,
+        kind: OutputKind,
+        values: &CalibrationValues,
+        rear_axle: Pose2,
+        generation: Generation,
+    ) -> String {
+        let lidar = lidar_in_base_link(values, rear_axle);
+        let head = self.placed(lidar, generation).in_words();
         match kind {
-            OutputKind::UrdfOrigin => self.urdf_origin(lidar),
-            OutputKind::StaticTransform => self.static_transform(lidar),
-            OutputKind::RosParameters => ros_parameters(values, lidar),
+            OutputKind::UrdfOrigin | OutputKind::UrdfJoint => self.urdf_origin(lidar, &head),
+            OutputKind::StaticTransform => self.static_transform(lidar, &head),
+            OutputKind::RosParameters | OutputKind::AutowareCalibration => {
+                self.ros_parameters(values, lidar, generation)
+            }
         }
     }
 
-    fn urdf_origin(&self, lidar: Pose2) -> String {
+    fn urdf_origin(&self, lidar: Pose2, head: &str) -> String {
         let Pose2 { x_m, y_m, yaw_rad } = lidar;
         let z_m = self.frames.lidar_z_m;
         format!(
-            "<?xml version=\"1.0\"?>\n<!-- {MARK}. -->\n\
+            "<?xml version=\"1.0\"?>\n<!-- {MARK}. {head} -->\n\
              <robot xmlns:xacro=\"http://www.ros.org/wiki/xacro\">\n  \
              <xacro:macro name=\"fleetcal_lidar_origin\">\n    \
              <origin xyz=\"{x_m:.6} {y_m:.6} {z_m:.6}\" rpy=\"0 0 {yaw_rad:.8}\"/>\n  \
@@ -132,7 +178,7 @@ impl Outputs {
         )
     }
 
-    fn static_transform(&self, lidar: Pose2) -> String {
+    fn static_transform(&self, lidar: Pose2, head: &str) -> String {
         let Pose2 { x_m, y_m, yaw_rad } = lidar;
         let VehicleFrames {
             lidar_z_m,
@@ -141,44 +187,63 @@ impl Outputs {
             ..
         } = &self.frames;
         format!(
-            "#!/bin/sh\n# {MARK}.\n\
+            "#!/bin/sh\n# {MARK}. {head}\n\
              exec ros2 run tf2_ros static_transform_publisher --x {x_m:.6} --y {y_m:.6} \
              --z {lidar_z_m:.6} --yaw {yaw_rad:.8} --pitch 0 --roll 0 --frame-id {base_link} \
              --child-frame-id {lidar}\n"
         )
     }
+
+    /// Formats parameters. Each number has a decimal point: without one ROS takes it for an integer.
+    /// The LiDAR's pose is in the base frame alone: read for one another's, two poses misplace it.
+    fn ros_parameters(
+        &self,
+        values: &CalibrationValues,
+        lidar: Pose2,
+        generation: Generation,
+    ) -> String {
+        let VehicleFrames {
+            base_link,
+            lidar: frame,
+            ..
+        } = &self.frames;
+        let mut text = format!(
+            "# {MARK}.\n/**:\n  ros__parameters:\n    fleetcal:\n      generation: {generation}\n      \
+             frame_id: \"{base_link}\"\n      lidar_frame_id: \"{frame}\"\n"
+        );
+        let in_base_link = [
+            ("lidar_in_base_link_x_m", lidar.x_m),
+            ("lidar_in_base_link_y_m", lidar.y_m),
+            ("lidar_in_base_link_yaw_rad", lidar.yaw_rad),
+        ];
+        let others = values
+            .fields()
+            .filter(|(name, _)| !name.starts_with("lidar_"));
+        for (name, value) in others.chain(in_base_link) {
+            // Writing into a text cannot fail.
+            writeln!(text, "      {name}: {value:.9}").ok();
+        }
+        text
+    }
 }
 
-/// Formats parameters. Each number has a decimal point: without one ROS takes it for an integer.
-fn ros_parameters(values: &CalibrationValues, lidar: Pose2) -> String {
-    let mut text = format!("# {MARK}.\n/**:\n  ros__parameters:\n    fleetcal:\n");
-    let in_base_link = [
-        ("lidar_in_base_link_x_m", lidar.x_m),
-        ("lidar_in_base_link_y_m", lidar.y_m),
-        ("lidar_in_base_link_yaw_rad", lidar.yaw_rad),
-    ];
-    for (name, value) in values.fields().chain(in_base_link) {
-        // Writing into a text cannot fail.
-        writeln!(text, "      {name}: {value:.9}").ok();
-    }
-    text
-}
-
-fn remove(path: &Path) -> Result<(), FileError> {
-    match fs::remove_file(path) {
-        Err(source) if source.kind() != io::ErrorKind::NotFound => Err(FileError::Io {
-            path: path.to_owned(),
-            source,
-        }),
-        _ => Ok(()),
-    }
+fn lidar_in_base_link(values: &CalibrationValues, rear_axle: Pose2) -> Pose2 {
+    rear_axle.compose(&Pose2 {
+        x_m: values.lidar_x_m,
+        y_m: values.lidar_y_m,
+        yaw_rad: values.lidar_yaw_rad,
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use std::f64::consts::FRAC_PI_2;
+    use std::fs;
+    use std::path::Path;
 
     use super::*;
+
+    const GENERATION: Generation = Generation(7);
 
     fn values() -> CalibrationValues {
         CalibrationValues {
@@ -223,7 +288,9 @@ mod tests {
             y_m: 7.0,
             yaw_rad: 0.0,
         };
-        outputs.write(Some(&values()), Some(said)).unwrap();
+        outputs
+            .write(Some(&values()), Some(said), GENERATION)
+            .unwrap();
         let text = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
         let origin = "<origin xyz=\"-0.750000 1.000000 0.200000\" rpy=\"0 0 1.57079633\"/>";
         assert!(
@@ -237,15 +304,61 @@ mod tests {
         let parameters = text("lidar.yaml");
         for wanted in [
             "      steering_offset_rad: -0.000000100\n",
-            "      lidar_x_m: 1.000000000\n",
+            "      generation: 7\n      frame_id: \"base_link\"\n      lidar_frame_id: \"laser\"\n",
             "      lidar_in_base_link_y_m: 1.000000000\n",
         ] {
             assert!(parameters.contains(wanted), "{parameters}");
         }
+        // One frame a file.
+        assert!(!parameters.contains(" lidar_x_m"), "{parameters}");
+        for name in ["lidar.xacro", "lidar.sh"] {
+            let head = "Generation 7, laser in base_link.";
+            assert!(text(name).contains(head), "{}", text(name));
+        }
         // What it has written it may replace, and take away.
         outputs.check(&[]).unwrap();
-        outputs.write(None, None).unwrap();
+        outputs.write(None, None, GENERATION).unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_withdrawal_keeps_what_others_changed_since() {
+        let folder = tempfile::tempdir().unwrap();
+        let urdf = "<robot name=\"r\"><joint name=\"l\" type=\"fixed\">\r\n<parent \
+            link=\"base_link\"/><child link=\"laser\"/><origin xyz=\"1.0 2 0.75\" rpy=\"0.1 0 0.3\"/>\
+            </joint></robot>";
+        let sensors = "base_link:\n  laser: # by tape\n    x: 1.0 # m\n    y: 2\n    z: 0.75\n    \
+            yaw: 0.3\nother: 1\n";
+        let files = [
+            (OutputKind::UrdfJoint, "robot.urdf", urdf),
+            (OutputKind::AutowareCalibration, "sensors.yaml", sensors),
+        ];
+        let path = |name: &str| folder.path().join(name);
+        let outputs = Outputs {
+            files: files.map(|(kind, name, _)| (kind, path(name))).to_vec(),
+            frames: VehicleFrames::default(),
+        };
+        let read = |name: &str| fs::read_to_string(path(name)).unwrap();
+        // An upgrade of the package moves the LiDAR up and adds to the file.
+        let upgraded = |text: &str| {
+            text.replace("0.75", "0.8")
+                .replace("other", "new: 2\nother")
+        };
+        for upgraded in [str::to_owned, upgraded] {
+            for (_, name, text) in files {
+                fs::write(path(name), text).unwrap();
+            }
+            outputs.write(Some(&values()), None, GENERATION).unwrap();
+            for (_, name, text) in files {
+                assert_ne!(read(name), text);
+                fs::write(path(name), upgraded(&read(name))).unwrap();
+            }
+            outputs.write(None, None, GENERATION).unwrap();
+            for (_, name, text) in files {
+                assert_eq!(read(name), upgraded(text));
+            }
+            assert_eq!(fs::read_dir(folder.path()).unwrap().count(), files.len());
+        }
     }
 
     #[test]
@@ -268,7 +381,7 @@ mod tests {
                 "xyz=\"1.000000 0.250000 0.200000\" rpy=\"0 0 0.00000000\"",
             ),
         ] {
-            outputs.write(Some(&values()), said).unwrap();
+            outputs.write(Some(&values()), said, GENERATION).unwrap();
             let text = fs::read_to_string(folder.path().join("lidar.xacro")).unwrap();
             assert!(text.contains(origin), "{text}");
         }

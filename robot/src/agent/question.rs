@@ -6,7 +6,7 @@ use std::time::Duration;
 use fleetcal_model::Generation;
 use fleetcal_proto::offer::Question;
 use fleetcal_proto::signing::TrustedKeys;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until};
 use tracing::{debug, warn};
 use zenoh::Session;
@@ -35,8 +35,8 @@ pub(super) struct Asker {
     pub session: Session,
     /// Channel to the agent.
     pub sender: mpsc::Sender<Event>,
-    /// Keys whose signatures are trusted: answers of other signers rank lowest.
-    pub trusted: Option<TrustedKeys>,
+    /// Keys whose signatures are trusted now: answers of other signers rank lowest.
+    pub trusted: Option<watch::Receiver<TrustedKeys>>,
 }
 
 impl Asker {
@@ -49,6 +49,7 @@ impl Asker {
         read: impl Fn(&Sample) -> Answer + Send + Sync + 'static,
     ) -> Result<(), SessionError> {
         let (sender, answers) = mpsc::channel(ANSWERS_MAX);
+        let agent = self.sender.clone();
         let asked = self.session.get(key).timeout(PULL_TIMEOUT);
         let asked = asked.target(QueryTarget::All);
         let mut asked = asked.consolidation(ConsolidationMode::None);
@@ -58,15 +59,21 @@ impl Asker {
                 .encoding(Encoding::TEXT_PLAIN);
         }
         let asked = asked.callback(move |reply| {
-            if let Ok(sample) = reply.result() {
+            match reply.result().map(&read) {
+                // Before the answer, which may be signed with the new key.
+                Ok(Ok(change @ Event::KeyChanged(_))) => hand_on(&agent, Ok(change)),
                 // One that finds no room is of the seventeenth instance.
-                drop(sender.try_send(read(sample)));
+                Ok(answer) => drop(sender.try_send(answer)),
+                Err(_) => {}
             }
         });
         asked.await.map_err(at_key(key))?;
         let (sender, trusted) = (self.sender.clone(), self.trusted.clone());
         tokio::spawn(async move {
-            let rank = |answer: &Answer| rank(answer, trusted.as_ref());
+            let rank = |answer: &Answer| {
+                let trusted = trusted.as_ref().map(|trusted| trusted.borrow().clone());
+                rank(answer, trusted.as_ref())
+            };
             hand_on_newest(answers, &sender, rank).await;
         });
         Ok(())

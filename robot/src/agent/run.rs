@@ -6,7 +6,8 @@ use std::time::Duration;
 use fleetcal_model::{Generation, RobotTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
-use tokio::sync::mpsc;
+use fleetcal_proto::signing::TrustedKeys;
+use tokio::sync::{mpsc, watch};
 use tokio::task::{JoinError, JoinHandle, JoinSet};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
@@ -44,7 +45,9 @@ pub async fn run_agent(
     let client = ClientConfig::new(&options.connect)?;
     let mut runner = Runner::start(options)?;
     let stop = shutdown.child_token();
-    let opening = tokio::spawn(connect(runner.options.clone(), client, stop.clone()));
+    let trusted = runner.trusted.subscribe();
+    let opening = connect(runner.options.clone(), client, trusted, stop.clone());
+    let opening = tokio::spawn(opening);
     let ended = runner.run(opening, &shutdown).await;
     stop.cancel();
     if let Some(connected) = runner.connected {
@@ -64,13 +67,13 @@ struct Connected {
 
 type Opening = Result<Option<(Connected, mpsc::Receiver<Event>)>, SessionError>;
 
-async fn connect(options: AgentOptions, client: ClientConfig, stop: CancellationToken) -> Opening {
-    let AgentOptions {
-        robot,
-        keys,
-        trusted,
-        ..
-    } = &options;
+async fn connect(
+    options: AgentOptions,
+    client: ClientConfig,
+    trusted: watch::Receiver<TrustedKeys>,
+    stop: CancellationToken,
+) -> Opening {
+    let AgentOptions { robot, keys, .. } = &options;
     let Some(session) = client.open(robot, &stop).await? else {
         return Ok(None);
     };
@@ -93,6 +96,8 @@ async fn connect(options: AgentOptions, client: ClientConfig, stop: Cancellation
 struct Runner {
     options: AgentOptions,
     agent: Agent,
+    /// Keys that the agent trusts, for the link.
+    trusted: watch::Sender<TrustedKeys>,
     file: AppliedFile,
     /// Content of the memory's file.
     remembered: Option<Memory>,
@@ -123,8 +128,10 @@ impl Runner {
             trusted: options.trusted.clone(),
             limits: options.limits,
         };
+        let agent = Agent::new(identity, memory.clone());
         Ok(Self {
-            agent: Agent::new(identity, memory.clone()),
+            trusted: watch::Sender::new(agent.trusted().clone()),
+            agent,
             remembered: Some(memory),
             file,
             started: Instant::now(),
@@ -200,6 +207,7 @@ impl Runner {
         while let Some(event) = events.pop_front() {
             let effects = self.agent.step(event, self.now())?;
             let is_remembered = self.remember();
+            follow(&self.trusted, &self.agent);
             for effect in effects {
                 events.extend(self.perform(effect, is_remembered).await);
             }
@@ -275,8 +283,10 @@ impl Runner {
         }
         let text = self.file.read()?;
         let values = text.as_deref().and_then(|text| self.file.values_in(text));
-        let rear_axle = self.agent.memory().rear_axle_in_base_link();
-        self.options.outputs.write(values.as_ref(), rear_axle)
+        let memory = self.agent.memory();
+        let (rear_axle, generation) = (memory.rear_axle_in_base_link(), memory.generation());
+        let outputs = &self.options.outputs;
+        outputs.write(values.as_ref(), rear_axle, generation)
     }
 
     /// Calls the hook, whose result comes as an event. A robot without a hook accepts everything.
@@ -370,6 +380,17 @@ fn first_memory(robot: &RobotId, file: &AppliedFile, now: RobotTime) -> Result<M
     }
     let held = Held::factory(values, now);
     Ok(Memory::new(robot.clone(), held))
+}
+
+/// Passes the keys that the agent trusts on to its link.
+pub(crate) fn follow(trusted: &watch::Sender<TrustedKeys>, agent: &Agent) {
+    trusted.send_if_modified(|known| {
+        let is_new = known != agent.trusted();
+        if is_new {
+            known.clone_from(agent.trusted());
+        }
+        is_new
+    });
 }
 
 async fn next(incoming: Option<&mut mpsc::Receiver<Event>>) -> Option<Event> {

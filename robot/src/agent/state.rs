@@ -5,6 +5,8 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use serde::{Deserialize, Serialize};
 
+use super::keys::KeyRing;
+
 /// Calibration that the robot compensates with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Held {
@@ -237,6 +239,9 @@ pub struct Memory {
     pub latest: Option<Applied>,
     /// Unconfirmed acknowledgements, oldest first.
     pub unstored: Vec<Applied>,
+    /// Keys that it trusts, once it has taken a change of the service's key over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keys: Option<KeyRing>,
 }
 
 impl Memory {
@@ -252,6 +257,15 @@ impl Memory {
         }
     }
 
+    /// Returns the generation of the values in use or about to be.
+    pub(super) fn generation(&self) -> Generation {
+        match &self.phase {
+            Phase::Writing { offer, .. } | Phase::Activating { offer, .. } => offer.generation,
+            Phase::Restoring { fallback, .. } => fallback.held.generation,
+            Phase::Resting(_) | Phase::Asking { .. } => self.held.generation,
+        }
+    }
+
     /// Makes the memory of an agent's first start.
     pub fn new(robot: RobotId, held: Held) -> Self {
         Self {
@@ -262,6 +276,7 @@ impl Memory {
             highest: Generation::FACTORY,
             latest: None,
             unstored: Vec::new(),
+            keys: None,
         }
     }
 }

@@ -10,10 +10,12 @@ const HALF_TRACK_M: f64 = 0.45;
 /// Height of the LiDAR above the axles, m.
 const LIDAR_HEIGHT_M: f64 = 0.2;
 
-/// Joints that are driven: the rear wheels of a bicycle, the steered wheel of a tricycle.
+/// Joints that are driven: those of the fixed axle, called rear, or the steered wheel of a tricycle.
 const fn driven(model: VehicleModel) -> &'static [&'static str] {
     match model {
-        VehicleModel::Bicycle => &["rear_left_wheel_joint", "rear_right_wheel_joint"],
+        VehicleModel::Bicycle | VehicleModel::RearSteered => {
+            &["rear_left_wheel_joint", "rear_right_wheel_joint"]
+        }
         VehicleModel::Tricycle => &["front_wheel_joint"],
     }
 }
@@ -34,7 +36,7 @@ pub fn urdf(robot: &SimulatedRobot) -> String {
     let left = [0.0, HALF_TRACK_M, 0.0];
     let right = [0.0, -HALF_TRACK_M, 0.0];
     let lidar = [mount.x_m, mount.y_m, LIDAR_HEIGHT_M];
-    let front = [wheelbase_m, 0.0, 0.0];
+    let front = [robot.model().steered_ahead() * wheelbase_m, 0.0, 0.0];
     let rolling = |child, parent, at| joint([child, "continuous", parent, turns], at, 0.0);
     text.push_str(&rolling("rear_left_wheel", "base_link", left));
     text.push_str(&rolling("rear_right_wheel", "base_link", right));

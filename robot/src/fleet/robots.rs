@@ -106,7 +106,7 @@ fn robot(number: usize, seed: u64, world: &Arc<World>) -> Option<SimulatedRobot>
 
 fn nominal_mount(model: VehicleModel) -> Pose2 {
     match model {
-        VehicleModel::Bicycle => Pose2::new(0.434, 0.0, 0.0),
+        VehicleModel::Bicycle | VehicleModel::RearSteered => Pose2::new(0.434, 0.0, 0.0),
         VehicleModel::Tricycle => Pose2::new(0.95, 0.0, 0.0),
     }
 }

@@ -2,7 +2,7 @@
 
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Encoding, Form, Keys, MessageType, RobotId, StreamKind};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
@@ -33,7 +33,7 @@ impl RobotSession {
         config: &ClientConfig,
         keys: &Keys,
         robot: &RobotId,
-        trusted: Option<&TrustedKeys>,
+        trusted: Option<watch::Receiver<TrustedKeys>>,
         drive_messages: DriveMessages,
         stop: &CancellationToken,
     ) -> Result<Option<(Self, mpsc::Receiver<Event>)>, SessionError> {

@@ -9,7 +9,7 @@ use fleetcal_proto::event::CrossTrackError;
 use fleetcal_proto::ros::{DriveSamples, StringMessage};
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Keys, RobotId, RosMessage, StreamKind};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
@@ -22,7 +22,7 @@ use super::message::{
 use super::robots::SimulatedRobot;
 use super::session::RobotSession;
 use super::{DriveMessages, FleetError, RobotSummary};
-use crate::agent::{Activation, Agent, Effect, Event, HookAnswer, Outcome, PULL_PERIOD};
+use crate::agent::{Activation, Agent, Effect, Event, HookAnswer, Outcome, PULL_PERIOD, follow};
 use crate::session::ClientConfig;
 use crate::simulator::{DriveSample, Emitted, SimulatedMessage, Simulation};
 
@@ -76,7 +76,9 @@ pub(super) async fn run(
     } = course;
     let id = robot.id.clone();
     let data = description::urdf(&robot);
-    let opened = RobotSession::open(client, keys, &id, trusted, drive_messages, &stop).await?;
+    let trusted_now = trusted.map(|trusted| watch::Sender::new(trusted.clone()));
+    let followed = trusted_now.as_ref().map(watch::Sender::subscribe);
+    let opened = RobotSession::open(client, keys, &id, followed, drive_messages, &stop).await?;
     robot.config.start_stamp_ns = epoch.now().0;
     let agent = trusted.map(|trusted| {
         let nominal = robot.config.applied;
@@ -101,6 +103,7 @@ pub(super) async fn run(
         simulation,
         next,
         agent,
+        trusted_now,
         session,
         drive_messages,
         batch: DriveBatch::default(),
@@ -123,6 +126,8 @@ struct Driver {
     next: Emitted,
     /// Agent, taken out while it is at work; `None` for a robot without trusted keys.
     agent: Option<Agent>,
+    /// Keys that the agent trusts, for the link.
+    trusted_now: Option<watch::Sender<TrustedKeys>>,
     session: RobotSession,
     drive_messages: DriveMessages,
     /// Drive samples that wait for their message to be full, or for the next scan.
@@ -273,7 +278,11 @@ impl Driver {
         };
         let mut events = VecDeque::from([event]);
         while let Some(event) = events.pop_front() {
-            for effect in agent.step(event, self.epoch.now())? {
+            let effects = agent.step(event, self.epoch.now())?;
+            if let Some(trusted) = &self.trusted_now {
+                follow(trusted, &agent);
+            }
+            for effect in effects {
                 events.extend(self.perform(effect).await?);
             }
         }

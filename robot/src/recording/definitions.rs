@@ -50,6 +50,29 @@ pub(super) const fn of(message_type: MessageType) -> &'static str {
         ),
         MessageType::JointState => definition!("JointState"),
         MessageType::LaserScan => definition!("LaserScan"),
+        MessageType::MultiEchoLaserScan => {
+            definition!("MultiEchoLaserScan", "sensor_msgs" "LaserEcho")
+        }
+        MessageType::AckermannDrive => definition!(@ "AckermannDrive"),
+        MessageType::Float32 => definition!(@ "Float32"),
+        MessageType::Float64 => definition!(@ "Float64"),
+        MessageType::SteeringReport => {
+            definition!(@ "SteeringReport", "builtin_interfaces" "Time")
+        }
+        MessageType::VelocityReport => definition!("VelocityReport"),
+        MessageType::SteeringControllerStatus => definition!("SteeringControllerStatus"),
+        MessageType::DynamicJointState => {
+            definition!("DynamicJointState", "control_msgs" "InterfaceValue")
+        }
+        MessageType::VescStateStamped => {
+            definition!("VescStateStamped", "vesc_msgs" "VescState")
+        }
+        MessageType::TwistWithCovarianceStamped => definition!(
+            "TwistWithCovarianceStamped",
+            "geometry_msgs" "TwistWithCovariance",
+            "geometry_msgs" "Twist",
+            "geometry_msgs" "Vector3"
+        ),
         MessageType::PointCloud2 => definition!("PointCloud2", "sensor_msgs" "PointField"),
         MessageType::PoseStamped => definition!(
             "PoseStamped",

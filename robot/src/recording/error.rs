@@ -35,6 +35,17 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
     },
+    /// The file is a bag of ROS 1.
+    #[error(
+        "{}: this is a bag of ROS 1, expected a recording of ROS 2 messages; `rosbags-convert` of the \
+         Python package rosbags converts it: rosbags-convert --src {} --dst FOLDER",
+        path.display(),
+        path.display()
+    )]
+    Ros1 {
+        /// The file.
+        path: PathBuf,
+    },
     /// The folder holds no file of messages, or several in an unknown order.
     #[error(
         "{}: the folder holds {count} files of messages (.mcap, .db3, or either with .zstd), expected \

@@ -21,6 +21,8 @@ const METADATA: &str = "metadata.yaml";
 pub(super) const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// First bytes of an SQLite database.
 const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
+/// First bytes of a ROS 1 bag.
+const ROS1_MAGIC: &[u8] = b"#ROSBAG V";
 /// Suffixes of the files that hold messages.
 const ENDINGS: [&str; 4] = [".mcap", ".db3", ".mcap.zstd", ".db3.zstd"];
 
@@ -99,10 +101,19 @@ fn kind_of(path: &Path, magic: &[u8]) -> Result<Kind, RecordingError> {
     if magic.starts_with(SQLITE_MAGIC) {
         return Ok(Kind::Sqlite);
     }
+    if magic.starts_with(ROS1_MAGIC) {
+        return Err(RecordingError::Ros1 { path });
+    }
     Err(RecordingError::NoRecording { path })
 }
 
+/// Returns the beginning of a file. A pipe, which waits for a writer when it is opened, is none.
 fn first_bytes(path: &Path) -> Result<Vec<u8>, RecordingError> {
+    let file = std::fs::metadata(path).map_err(|source| io(path, source))?;
+    if !file.is_file() {
+        let path = path.to_owned();
+        return Err(RecordingError::NoRecording { path });
+    }
     let read = || {
         let mut magic = Vec::with_capacity(SQLITE_MAGIC.len());
         let file = File::open(path)?;

@@ -230,13 +230,13 @@ const STEERING: Wanted = Wanted {
     what: "steering",
     flag: "--steering-topic",
     accepted: MessageType::OF_STEERING,
-    found: &[],
+    found: &[MessageType::SteeringReport],
 };
 const SPEED: Wanted = Wanted {
     what: "speed",
     flag: "--speed-topic",
     accepted: MessageType::OF_SPEED,
-    found: &[],
+    found: &[MessageType::VelocityReport],
 };
 const SCAN: Wanted = Wanted {
     what: "scan",
@@ -311,18 +311,24 @@ fn choose_wheel_odometry(
             speed: asked_for(channels, &SPEED, speed)?,
         }),
         (None, None, None) => {
+            if let Some(drive) = only_one(channels, &WHEEL_ODOMETRY)? {
+                return Ok(ChosenWheelOdometry::Whole(drive));
+            }
+            let halves = (only_one(channels, &STEERING)?, only_one(channels, &SPEED)?);
+            if let (Some(steering), Some(speed)) = halves {
+                return Ok(ChosenWheelOdometry::Halves { steering, speed });
+            }
             let needed = format!(
-                "{}; or {} with the wheels too, which {} names; or {} and {} for a topic of each",
+                "{}; or {} with the wheels too, or {} of a robot that computes it from its steering, \
+                 which {} names; or {} and {} for a topic of each",
                 MessageType::AckermannDriveStamped.ros_type(),
                 MessageType::JointState.ros_type(),
+                MessageType::Odometry.ros_type(),
                 WHEEL_ODOMETRY.flag,
                 STEERING.flag,
                 SPEED.flag
             );
-            let drive = only_one(channels, &WHEEL_ODOMETRY)?;
-            drive
-                .map(ChosenWheelOdometry::Whole)
-                .ok_or_else(|| missing(channels, WHEEL_ODOMETRY.what, needed))
+            Err(missing(channels, WHEEL_ODOMETRY.what, needed))
         }
         (drive, steering, speed) => {
             let given = [drive, steering, speed].into_iter().flatten();

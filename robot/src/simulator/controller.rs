@@ -51,6 +51,8 @@ pub(super) struct Controller {
     route: Route,
     profile: SpeedProfile,
     wheelbase_m: f64,
+    /// Sign of the steering to the left: -1 where the steered axle is at the rear.
+    steered_ahead: f64,
     steering_limit_rad: f64,
     speed_mps: f64,
     gear: Gear,
@@ -73,6 +75,7 @@ impl Controller {
             route: config.route.clone(),
             profile: config.speed,
             wheelbase_m: config.configured_wheelbase_m(),
+            steered_ahead: config.vehicle.model.steered_ahead(),
             steering_limit_rad: config.vehicle.steering_limit_rad,
             speed_mps: 0.0,
             gear: Gear::Forwards,
@@ -131,7 +134,7 @@ impl Controller {
         let curvature = self.route.curvature_at(place.along_m + preview_m)
             - LATERAL_GAIN_PER_M2 * left_m
             - heading_gain_per_m * heading_rad;
-        let steering_rad = (self.wheelbase_m * curvature)
+        let steering_rad = (self.steered_ahead * self.wheelbase_m * curvature)
             .atan()
             .clamp(-self.steering_limit_rad, self.steering_limit_rad);
         self.speed_mps = self.next_speed_mps(time_s, step_s);

@@ -235,7 +235,11 @@ fn the_same_seed_gives_the_same_messages_and_another_one_others() {
 
 #[test]
 fn integrating_the_samples_over_the_interval_before_each_stamp_gives_the_true_path() {
-    for model in [VehicleModel::Bicycle, VehicleModel::Tricycle] {
+    for (model, turns) in [
+        (VehicleModel::Bicycle, 1.0),
+        (VehicleModel::Tricycle, 1.0),
+        (VehicleModel::RearSteered, -1.0),
+    ] {
         let mut config = SimulationConfig::figure_eight(2);
         config.vehicle = VehicleTruth {
             model,
@@ -257,10 +261,10 @@ fn integrating_the_samples_over_the_interval_before_each_stamp_gives_the_true_pa
             let steering_rad = 0.97 * (drive.steering_rad - 0.05);
             let speed_mps = 1.02
                 * match model {
-                    VehicleModel::Bicycle => drive.speed_mps,
+                    VehicleModel::Bicycle | VehicleModel::RearSteered => drive.speed_mps,
                     VehicleModel::Tricycle => drive.speed_mps * steering_rad.cos(),
                 };
-            let yaw_rate = speed_mps * steering_rad.tan() / vehicle.wheelbase_m;
+            let yaw_rate = turns * speed_mps * steering_rad.tan() / vehicle.wheelbase_m;
             base = base.compose(&Pose2::arc(speed_mps * 0.01, 0.0, yaw_rate * 0.01));
             last = emitted.truth.base;
             let lag_ns = drive.stamp_ns - emitted.truth.stamp_ns;

@@ -98,7 +98,9 @@ impl VehicleTruth {
     ) -> f64 {
         let rear_speed_mps = motion.step_wheel_speed_mps;
         let (middle_mps, wheel_sizes) = match self.model {
-            VehicleModel::Bicycle => (rear_speed_mps, imperfections.wheel_sizes),
+            VehicleModel::Bicycle | VehicleModel::RearSteered => {
+                (rear_speed_mps, imperfections.wheel_sizes)
+            }
             VehicleModel::Tricycle => (rear_speed_mps / motion.step_steering_rad.cos(), 0.0),
         };
         // The encoders' mean of a wheel too large on the left and one too small on the right:
@@ -204,7 +206,8 @@ impl Motion {
     ) -> f64 {
         let understeer_m =
             imperfections.understeer_rad_per_mps2 * self.speed_mps.abs() * self.speed_mps;
-        self.speed_mps * self.step_steering_rad.tan() / (vehicle.wheelbase_m + understeer_m)
+        let turn_m = vehicle.model.steered_ahead() * (vehicle.wheelbase_m + understeer_m);
+        self.speed_mps * self.step_steering_rad.tan() / turn_m
     }
 
     fn turn_steering(

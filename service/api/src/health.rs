@@ -1,5 +1,5 @@
 //! Routes `/healthz` and `/readyz`: whether a restart of the process is needed, and whether it can
-//! work.
+//! work; and `security.txt`, the contacts of its operator.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -126,6 +126,23 @@ pub(super) async fn healthz(
         return Err(Problem::new(status, "writer_stuck", detail));
     }
     Ok("ok\n")
+}
+
+/// Returns the contacts for reports of vulnerabilities, as RFC 9116 asks for.
+#[utoipa::path(get, path = "/.well-known/security.txt", tag = "service",
+    responses(
+        (status = OK, description = "The contacts, valid for 180 days", body = String),
+        (status = NOT_FOUND, description = "No `security_contacts` are configured"),
+    ))]
+pub(super) async fn security_txt(
+    State(api): State<ApiState>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<String, Problem> {
+    let expires = api.clock.now().plus(limits::SECURITY_TXT_VALID_FOR);
+    let text = api
+        .security_contacts
+        .text(&crate::time::of(expires).to_string());
+    text.ok_or_else(|| Problem::new(StatusCode::NOT_FOUND, "no_contacts", "none is configured"))
 }
 
 /// Checks that this program can use the database's schema; else returns the found one. Instances of

@@ -8,11 +8,13 @@ mod access;
 mod alerts;
 mod answers;
 mod approval;
+mod bulk;
 mod certificates;
 mod cluster;
 mod dashboard;
 mod documentation;
 mod durations;
+mod each;
 mod export;
 mod forwarding;
 mod health;
@@ -38,7 +40,7 @@ use axum::response::Response;
 use fleetcal_clock::SharedClock;
 use fleetcal_cluster::Membership;
 use fleetcal_fleet::FleetHandle;
-use fleetcal_http::{Connections, Exports, host};
+use fleetcal_http::{Connections, Exports, SecurityContacts, host};
 use fleetcal_metrics::RequestDurations;
 use fleetcal_model::WallTime;
 use fleetcal_moments::Moments;
@@ -102,6 +104,8 @@ pub struct ApiSetup {
     pub peers: Peers,
     /// Settings of the access.
     pub access: AccessSetup,
+    /// Contacts for reports of vulnerabilities.
+    pub security_contacts: SecurityContacts,
     /// Connections of [`serve`].
     pub connections: Connections,
     /// Token that ends the event streams; the other requests end with [`serve`].
@@ -131,6 +135,7 @@ struct ApiState {
     connections: Connections,
     ready: ReadyProbe,
     access: AccessState,
+    security_contacts: SecurityContacts,
 }
 
 impl ApiState {
@@ -155,6 +160,7 @@ impl ApiState {
             connections: setup.connections,
             ready: ReadyProbe::default(),
             access: AccessState::new(&setup.access),
+            security_contacts: setup.security_contacts,
         }
     }
 }
@@ -243,6 +249,7 @@ pub fn openapi() -> utoipa::openapi::OpenApi {
 fn documented() -> OpenApiRouter<ApiState> {
     let timed = OpenApiRouter::new()
         .merge(robots::routes())
+        .merge(bulk::routes())
         .merge(access::routes())
         .merge(approval::routes())
         .merge(certificates::routes())
@@ -255,6 +262,7 @@ fn documented() -> OpenApiRouter<ApiState> {
         .routes(routes!(health::healthz))
         .routes(routes!(health::readyz))
         .routes(routes!(metrics::metrics))
+        .routes(routes!(health::security_txt))
         .layer(middleware::from_fn(layers::in_time));
     OpenApiRouter::with_openapi(Document::openapi())
         .nest("/api/v1", timed.merge(stream::routes()))

@@ -106,7 +106,8 @@ struct Snapshot {
 impl Snapshot {
     /// Counters of this process: each robot of a cluster is reported by its own instance alone.
     fn of(api: &ApiState, waiting_deliveries: Option<u64>) -> (Self, Vec<RobotFigures>) {
-        let robots = api.fleet.robots();
+        let mut robots = api.fleet.robots();
+        robots.retain(|robot| api.lifecycle.ledger(&robot.id).shadow.retired.is_none());
         let standings = api.evaluator.standings();
         let now = api.clock.now();
         let mut heard: BTreeMap<_, _> = ConnectionState::ALL.iter().map(|one| (*one, 0)).collect();

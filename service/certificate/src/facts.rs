@@ -1,6 +1,6 @@
 //! Facts of a certificate, as people read them: in degrees and millimetres, under headings.
 
-use fleetcal_model::{CalibrationCovariance, SpeedMeasuredAt, VehicleModel};
+use fleetcal_model::{CalibrationCovariance, SpeedMeasuredAt};
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::certificate::{
     CertificateDocument, CertifiedAct, CertifiedCrossTrack, CertifiedEvidence, CertifiedVehicle,
@@ -56,12 +56,8 @@ fn robot(certificate: &CertificateDocument) -> Vec<(&'static str, String)> {
 }
 
 fn of_vehicle(vehicle: &CertifiedVehicle) -> Vec<(&'static str, String)> {
-    let model = match vehicle.model {
-        VehicleModel::Bicycle => "bicycle",
-        VehicleModel::Tricycle => "tricycle",
-    };
     let mut rows = vec![
-        ("vehicle", model.to_owned()),
+        ("vehicle", vehicle.model.name().to_owned()),
         ("wheelbase", format!("{:.3} m", vehicle.wheelbase_m)),
     ];
     if let Some(place) = vehicle.speed_measured_at {

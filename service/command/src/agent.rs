@@ -106,6 +106,14 @@ pub struct RosArguments {
     /// Also write node parameters, for `ros2 run … --ros-args --params-file`
     #[arg(long, value_name = "FILE", help_heading = "Files for ROS")]
     pub ros_parameters: Option<PathBuf>,
+    /// Also replace x, y and yaw in the origin of the LiDAR's joint in this URDF; the file as it was
+    /// is kept beside it
+    #[arg(long, value_name = "FILE", help_heading = "Files for ROS")]
+    pub urdf_joint: Option<PathBuf>,
+    /// Also replace x, y and yaw of the LiDAR in Autoware's `sensors_calibration.yaml`; the file as
+    /// it was is kept beside it
+    #[arg(long, value_name = "FILE", help_heading = "Files for ROS")]
+    pub autoware_calibration: Option<PathBuf>,
     /// Pose of the rear axle's centre in the base frame [default: from the robot's configuration at
     /// the service, or the origin]
     #[arg(
@@ -151,6 +159,8 @@ impl RosArguments {
             (OutputKind::UrdfOrigin, &self.urdf_origin),
             (OutputKind::StaticTransform, &self.static_transform),
             (OutputKind::RosParameters, &self.ros_parameters),
+            (OutputKind::UrdfJoint, &self.urdf_joint),
+            (OutputKind::AutowareCalibration, &self.autoware_calibration),
         ];
         let named = files.into_iter();
         Outputs {

@@ -132,10 +132,7 @@ impl<'a> Run<'a> {
             topics,
             calibrator: Calibrator::new(config.calibrator_config(settings))
                 .with_lidar_odometry(arguments.known_map.lidar_odometry()?),
-            intake: Intake::new(ReadingSettings {
-                scans: config.scans(),
-                streams: config.streams.clone(),
-            }),
+            intake: Intake::new(ReadingSettings::of(config)),
             streams: streams(topics),
             robot,
             trajectory,
@@ -268,6 +265,7 @@ impl<'a> Run<'a> {
                     .to_owned(),
             );
         }
+        remarks.extend(input_remarks(&self.intake));
         for stream in self.intake.coarsely_stamped() {
             remarks.push(format!(
                 "most messages of {} have the stamp of the one before, as where stamps are whole \
@@ -302,4 +300,25 @@ impl<'a> Run<'a> {
         }
         remarks
     }
+}
+
+/// Returns remarks on inputs that are taken for want of better ones.
+fn input_remarks(intake: &Intake) -> Vec<String> {
+    let mut remarks = Vec::new();
+    if intake.steers_by_turn() {
+        remarks.push(
+            "the steering angle is computed from speed and yaw rate by the wheelbase: its offset \
+             is that of the sensor only if the robot computes the yaw rate from its steering by \
+             the same wheelbase, not from a gyroscope"
+                .to_owned(),
+        );
+    }
+    for stream in intake.unstamped() {
+        remarks.push(format!(
+            "messages of {} have no stamp: they count as measured when they were recorded, so that \
+             every delay on their way is an error of their time",
+            stream.name()
+        ));
+    }
+    remarks
 }

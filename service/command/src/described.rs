@@ -9,7 +9,8 @@ use fleetcal_domain::streams::Joints;
 use fleetcal_fleet::static_transform;
 use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{
-    JointState, LaserScan, PointCloud2, RosMessage, StringMessage, TfMessage, TransformStamped,
+    JointState, LaserScan, MultiEchoLaserScan, PointCloud2, RosMessage, StringMessage, TfMessage,
+    TransformStamped,
 };
 use fleetcal_robot::recording::{
     AskedTopic, AskedTopics, Channel, ChosenPose, RecordedMessage, Recording, TopicError, Topics,
@@ -250,6 +251,9 @@ pub fn scan_frame(recording: &Recording, topics: &Topics) -> Result<Option<Strin
         let (encoding, payload) = (form.encoding, &message.payload);
         Some(match form.message_type? {
             MessageType::PointCloud2 => PointCloud2::decode(encoding, payload).ok()?.header,
+            MessageType::MultiEchoLaserScan => {
+                MultiEchoLaserScan::decode(encoding, payload).ok()?.header
+            }
             _ => LaserScan::decode(encoding, payload).ok()?.header,
         })
     });
@@ -331,8 +335,9 @@ fn joints_of(
         let Ok(state) = decoded else {
             continue;
         };
-        let steering = joints.steering.as_ref();
-        steers |= steering.is_some_and(|joint| state.position_of(joint).is_some());
+        let mut steered = joints.steering.iter().chain(&joints.steering_right);
+        steers |=
+            joints.steering.is_some() && steered.all(|joint| state.position_of(joint).is_some());
         let rolls = |joint: &String| state.velocity_of(joint).is_some();
         drives |= !joints.wheels.is_empty() && joints.wheels.iter().all(rolls);
     }

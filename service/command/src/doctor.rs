@@ -117,11 +117,11 @@ impl Run {
         let Some(stream) = streams.find(|stream| stream.carries(message)) else {
             return;
         };
-        let (of, form) = stream.kind();
+        let (of, _) = stream.kind();
         let taken = stream.read(&mut self.intake, message);
         let arrival_ns = i64::try_from(message.log_time_ns).unwrap_or(i64::MAX);
         let began = thread_cpu();
-        let sighting = self.intake.sight(of, form, &message.payload);
+        let sighting = self.intake.sight(&stream.read_message(message));
         self.checks.take(of, arrival_ns, sighting.as_ref(), &taken);
         let checked = thread_cpu();
         let scan = taken.as_ref().ok().and_then(scan_of);

@@ -25,6 +25,7 @@ pub mod simulate;
 mod table;
 mod timing;
 mod topics;
+pub mod trust;
 pub mod verify;
 pub mod zenoh_words;
 
@@ -38,7 +39,7 @@ use fleetcal_domain::robot::ValueRefused;
 use fleetcal_estimator::VehicleModel;
 use fleetcal_estimator::stream::FieldRefused;
 use fleetcal_model::RobotIdRefused;
-use fleetcal_proto::signing::{EnvelopeRefused, TrustedKeysRefused};
+use fleetcal_proto::signing::TrustedKeysRefused;
 use fleetcal_robot::agent::AgentError;
 use fleetcal_robot::fleet::{FleetError, RecordError, TooManyRobots};
 use fleetcal_robot::recording::{RecordingError, TopicError};
@@ -68,6 +69,9 @@ pub enum ModelName {
     Bicycle,
     /// One steered and driven front wheel, speed measured at that wheel.
     Tricycle,
+    /// Steered axle behind the fixed one (forklifts), speed measured at the fixed axle.
+    #[value(name = "rear_steered")]
+    RearSteered,
 }
 
 impl From<ModelName> for VehicleModel {
@@ -75,6 +79,7 @@ impl From<ModelName> for VehicleModel {
         match name {
             ModelName::Bicycle => Self::Bicycle,
             ModelName::Tricycle => Self::Tricycle,
+            ModelName::RearSteered => Self::RearSteered,
         }
     }
 }
@@ -232,7 +237,15 @@ pub enum CommandError {
         /// Line of the file.
         line: u64,
         /// The check that failed.
-        refused: EnvelopeRefused,
+        refused: String,
+    },
+    /// The changes of key cannot be used.
+    #[error("--key-changes: {}: {reason}", path.display())]
+    KeyChanges {
+        /// The file.
+        path: PathBuf,
+        /// Fault of the file.
+        reason: String,
     },
     /// A file without a certificate.
     #[error("{}: got nothing, expected a certificate", .0.display())]
@@ -277,6 +290,7 @@ impl CommandError {
             | Self::Robot { .. }
             | Self::Keys(_)
             | Self::VerifyKeys(_)
+            | Self::KeyChanges { .. }
             | Self::OnePage { .. }
             | Self::Limits { .. }
             | Self::Imperfections { .. }

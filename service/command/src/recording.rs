@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use fleetcal_estimator::RobotTime;
 use fleetcal_fleet::decode::MessageRefused;
-use fleetcal_fleet::{Intake, Taken};
+use fleetcal_fleet::{Intake, ReadMessage, Taken};
 use fleetcal_model::Stream;
 use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::message_type::{Form, MessageType};
@@ -91,13 +92,23 @@ impl RecordedStream {
         message: &RecordedMessage,
     ) -> Result<Taken, MessageRefused> {
         self.messages += 1;
-        let taken = intake.take(self.stream, self.form, &message.payload);
+        let taken = intake.take(&self.read_message(message));
         if let Err(refused) = &taken {
             self.refused += 1;
             self.first_refusal
                 .get_or_insert_with(|| refused.to_string());
         }
         taken
+    }
+
+    /// Returns what a reading needs of a message.
+    pub fn read_message<'m>(&self, message: &'m RecordedMessage) -> ReadMessage<'m> {
+        ReadMessage {
+            stream: self.stream,
+            form: self.form,
+            payload: &message.payload,
+            arrived: RobotTime(i64::try_from(message.log_time_ns).unwrap_or(i64::MAX)),
+        }
     }
 
     /// Its topic.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fleetcal_clock::SharedClock;
 use fleetcal_config::line_of;
-use fleetcal_model::{Pose2, VehicleModel};
+use fleetcal_model::Pose2;
 use fleetcal_proto::signing::{PublicKey, TrustedKeys};
 use fleetcal_proto::{KeyRoot, Keys, endpoint};
 use fleetcal_robot::Connection;
@@ -141,10 +141,7 @@ fn wrong_input(name: &str) -> Result<WrongInput, String> {
 /// Writes a robot's part of `fleetcal.toml`.
 fn entry(robot: &SimulatedRobot) -> String {
     let Pose2 { x_m, y_m, yaw_rad } = robot.nominal();
-    let model = match robot.model() {
-        VehicleModel::Bicycle => "bicycle",
-        VehicleModel::Tricycle => "tricycle",
-    };
+    let model = robot.model().name();
     format!(
         "[[robot]]\nid = \"{}\"\nmodel = \"{model}\"\nwheelbase_m = {:?}\n\
          nominal_extrinsics = {{ x_m = {x_m:?}, y_m = {y_m:?}, yaw_rad = {yaw_rad:?} }}\n\n",

@@ -19,10 +19,10 @@ pub struct TopicArguments {
     /// The topic with the steering angle, if it is separate from the speed
     #[arg(long = "steering-topic", value_name = "TOPIC")]
     pub steering: Option<String>,
-    /// The topic with the speed: `Odometry`, `TwistStamped` or `JointState`
+    /// The topic with the speed, if it is separate from the steering angle
     #[arg(long = "speed-topic", value_name = "TOPIC")]
     pub speed: Option<String>,
-    /// The topic with `LaserScan` or `PointCloud2` messages, if there are several
+    /// The topic with scans or clouds, if there are several
     #[arg(long = "scan-topic", value_name = "TOPIC")]
     pub scan: Option<String>,
     /// A topic with the LiDAR's pose, `Odometry` or `PoseStamped`, instead of its scans

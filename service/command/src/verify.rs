@@ -12,6 +12,7 @@ use fleetcal_proto::signing::{EnvelopeRefused, OFFERED_BYTES_MAX, PublicKey, Tru
 
 use crate::CommandError;
 use crate::output::print_text;
+use crate::trust::ChangesArgument;
 
 /// Arguments of `fleetcal verify`.
 #[derive(Debug, Args)]
@@ -21,6 +22,9 @@ pub struct Arguments {
     /// The service's public key, from `GET /api/v1/signing-key`; may be repeated
     #[arg(long, value_name = "PUBLICKEY", required = true)]
     pub key: Vec<PublicKey>,
+    /// Changes of that key.
+    #[command(flatten)]
+    pub changes: ChangesArgument,
     /// Write the page of a single certificate, as the service shows it
     #[arg(long, value_name = "OUT.html")]
     pub html: Option<PathBuf>,
@@ -32,15 +36,15 @@ pub struct Arguments {
 /// The first certificate that is refused, with the check that failed; or a failure to read or
 /// write.
 pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
-    let trusted = TrustedKeys::new(arguments.key.clone()).map_err(CommandError::VerifyKeys)?;
+    let trust = arguments.changes.trust(&arguments.key)?;
     let mut lines = Lines::open(&arguments.certificate)?;
     let mut last = None;
     while let Some((number, line)) = lines.read_next()? {
-        let opened = opened(&line, &trusted);
+        let opened = opened(&line, &trust.trusted);
         let (envelope, document) = opened.map_err(|refused| CommandError::Certificate {
             path: arguments.certificate.clone(),
             line: number,
-            refused,
+            refused: trust.in_words(&refused),
         })?;
         if number > 1 {
             print_text("\n")?;

@@ -13,8 +13,8 @@ use fleetcal_domain::limits;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_domain::streams::Ros2Settings;
 use fleetcal_estimator::EstimatorSettings;
-use fleetcal_http::PublicUrl;
 use fleetcal_http::TrustedProxies;
+use fleetcal_http::{PublicUrl, SecurityContact};
 use fleetcal_proto::{KeyRoot, RobotId};
 use fleetcal_store::database_url::PostgresUrl;
 use serde::de::Error as _;
@@ -84,6 +84,8 @@ pub struct Config {
     pub http: SocketAddr,
     /// Public address of the API and the dashboard, if different.
     pub public_url: Option<PublicUrl>,
+    /// Contacts for reports of vulnerabilities, which `/.well-known/security.txt` names.
+    pub security_contacts: Vec<SecurityContact>,
     /// Proxies whose forwarded client addresses are trusted.
     pub trusted_proxies: TrustedProxies,
     /// Zenoh endpoints that the embedded router listens on.
@@ -130,6 +132,7 @@ impl Default for Config {
             database_password_file: None,
             http: SocketAddr::from(([127, 0, 0, 1], 8080)),
             public_url: None,
+            security_contacts: Vec::new(),
             trusted_proxies: TrustedProxies::default(),
             listen: vec!["tcp/127.0.0.1:7447".to_owned()],
             connect: Vec::new(),
@@ -342,7 +345,7 @@ mod tests {
             "id",
             "model",
             "wheelbase_m",
-            "speed_",
+            "speed_measured_at",
             "nominal_extrinsics",
             "wheel_odometry",
             "rear_axle_in",

@@ -22,6 +22,7 @@ pub fn joining(name: &str) -> Joining {
         checkpoint_format: 2,
         config_sha256: vec![7; 32],
         signing_key: "key of the site".to_owned(),
+        former_signing_keys: Vec::new(),
     }
 }
 

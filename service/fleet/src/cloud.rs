@@ -76,7 +76,8 @@ mod tests {
     use fleetcal_proto::ros::{Header, PointField, RosMessage, Time};
 
     use super::*;
-    use crate::decode::decode;
+    use crate::reading::ReadingSettings;
+    use crate::reading::testing::{decoded, decoded_by};
 
     const STAMP: Time = Time {
         sec: 1_700_000_000,
@@ -164,22 +165,25 @@ mod tests {
     #[test]
     fn a_cloud_comes_by_its_schema_or_by_configuration() {
         let payload = cloud("time", PointDatatype::Float32, |t| t).to_cdr();
-        let by_default = ScanSettings::default();
         let plain = Form::from(Encoding::Cdr);
         let named = Form::parse("application/cdr;sensor_msgs/msg/PointCloud2").expect("known");
-        let reason = decode(Stream::Scan, plain, &by_default, &payload).expect_err("no scan");
+        let reason = decoded(Stream::Scan, plain, &payload).expect_err("no scan");
         assert!(
             reason.to_string().contains("sensor_msgs/msg/LaserScan"),
             "{reason}"
         );
-        let decoded = decode(Stream::Scan, named, &by_default, &payload).expect("a cloud");
-        let configured = ScanSettings {
+        let named = decoded(Stream::Scan, named, &payload).expect("a cloud");
+        let scans = ScanSettings {
             scan_type: ScanType::PointCloud2,
-            ..by_default
+            ..ScanSettings::default()
         };
-        let again = decode(Stream::Scan, plain, &configured, &payload).expect("a cloud");
-        assert_eq!(decoded.event, again.event);
-        assert_eq!(decoded.stamp, RobotTime(STAMP.as_ns()));
+        let configured = ReadingSettings {
+            scans,
+            ..ReadingSettings::default()
+        };
+        let again = decoded_by(&configured, Stream::Scan, plain, &payload).expect("a cloud");
+        assert_eq!(named.event, again.event);
+        assert_eq!(named.stamp, RobotTime(STAMP.as_ns()));
     }
 
     #[test]
@@ -192,14 +196,9 @@ mod tests {
                 encoding: Encoding::Cdr,
                 message_type: Some(MessageType::PointCloud2),
             };
-            decode(
-                Stream::Scan,
-                form,
-                &ScanSettings::default(),
-                &cloud.to_cdr(),
-            )
-            .expect_err("must be refused")
-            .to_string()
+            decoded(Stream::Scan, form, &cloud.to_cdr())
+                .expect_err("must be refused")
+                .to_string()
         };
         let reason = refusal(&|cloud| cloud.fields.retain(|field| field.name != "z"));
         assert!(

@@ -3,23 +3,21 @@
 //! same reason.
 
 use fleetcal_domain::limits::NOTE_CHARS_MAX;
-use fleetcal_domain::robot::ScanSettings;
-use fleetcal_domain::streams::message_types;
-use fleetcal_estimator::stream::{FieldRefused, ScanShape};
+use fleetcal_estimator::stream::{BEAMS_MAX, FieldRefused, ScanShape};
 use fleetcal_estimator::{DriveSample, Event, LidarPose, Note, Pose2, RobotTime, Scan};
 use fleetcal_model::Stream;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::encoding::DecodeError;
 use fleetcal_proto::event::RobotEvent;
-use fleetcal_proto::message_type::{Form, MessageType};
+use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{
-    AckermannDriveStamped, DriveSamples, Header, LaserScan, MeasuredDrive, Odometry, PointCloud2,
-    Pose, Quaternion, RosMessage, ScanRefused,
+    DriveSamples, Header, LaserScan, MeasuredDrive, Odometry, Pose, Quaternion, ScanRefused, Units,
+    Unstated,
 };
 use nalgebra::Matrix3;
 use thiserror::Error;
 
-use crate::cloud::{self, CloudUnusable};
+use crate::cloud::CloudUnusable;
 
 /// Shortest quaternion that still defines an orientation.
 const QUATERNION_LENGTH_MIN: f64 = 1e-3;
@@ -77,12 +75,6 @@ pub enum MessageRefused {
         /// Accepted types.
         accepted: String,
     },
-    /// The message is half of a drive sample.
-    #[error("{stream}: comes alone, expected steering and speed of a robot", stream = stream.name())]
-    Alone {
-        /// Stream of the message.
-        stream: Stream,
-    },
     /// A joint that the robot's configuration names is missing.
     #[error("{stream}: name lacks the joint {joint:?} or its {what}, expected the joints of streams.joints", stream = stream.name())]
     Joint {
@@ -93,12 +85,33 @@ pub enum MessageRefused {
         /// `position` or `velocity`.
         what: &'static str,
     },
+    /// A field of the message is empty.
+    #[error("{stream}: {field} is empty, expected the values of the robot's joints", stream = stream.name())]
+    Empty {
+        /// Stream of the message.
+        stream: Stream,
+        /// Name of the field.
+        field: &'static str,
+    },
     /// The message holds joints, and the configuration does not name those that steer and drive.
-    #[error("{stream}: is a JointState, accepted where streams.joints says which joints steer and drive", stream = stream.name())]
+    #[error("{stream}: has the state of joints, accepted where streams.joints says which joints steer and drive", stream = stream.name())]
     NoJoints {
         /// Stream of the message.
         stream: Stream,
     },
+    /// Of steering and speed, which come in turn on a topic of joints, one never comes.
+    #[error("{stream}: {messages} messages in a row lack the {lacks}, expected the joints of streams.joints", stream = stream.name())]
+    OnePart {
+        /// Stream of the message.
+        stream: Stream,
+        /// Number of the messages.
+        messages: u32,
+        /// Missing part.
+        lacks: &'static str,
+    },
+    /// The yaw rate is no number.
+    #[error("{stream}: twist.angular.z: got {1}, expected a finite number", stream = .0.name())]
+    YawRate(Stream, f64),
     /// The event cannot be read.
     #[error("event: {0}, expected {{\"kind\", \"stamp_ns\", \"note\"}}")]
     Event(#[source] serde_json::Error),
@@ -113,11 +126,27 @@ pub enum MessageRefused {
 impl MessageRefused {
     /// Makes the refusal of a type that the stream does not accept.
     pub(super) fn of_type(stream: Stream, found: MessageType) -> Self {
-        let accepted = message_types(stream).iter().map(|of| of.ros_type());
+        let accepted = MessageType::of_stream(stream)
+            .iter()
+            .map(|of| of.ros_type());
         Self::Type {
             stream,
             found: found.ros_type(),
             accepted: accepted.collect::<Vec<_>>().join(" and "),
+        }
+    }
+
+    /// Makes the refusal of a message that does not state its steering or its speed.
+    pub(super) fn of_wheels(stream: Stream, of: MessageType, unstated: Unstated) -> Self {
+        match unstated {
+            Unstated::ByType => Self::of_type(stream, of),
+            Unstated::NoJoints => Self::NoJoints { stream },
+            Unstated::Joint { joint, what, .. } => Self::Joint {
+                stream,
+                joint,
+                what,
+            },
+            Unstated::Field(field) => Self::Empty { stream, field },
         }
     }
 }
@@ -133,82 +162,18 @@ pub struct Decoded {
     pub note: Option<RobotEvent>,
 }
 
-/// Decodes and checks one payload. The type of a scan comes from the message itself, else from
-/// `scans`.
-///
-/// # Errors
-/// One sentence: the stream, the field, its value and the accepted values.
-pub fn decode(
-    stream: Stream,
-    form: Form,
-    scans: &ScanSettings,
-    payload: &[u8],
-) -> Result<Decoded, MessageRefused> {
-    let encoding = form.encoding;
-    let refused = |source| MessageRefused::Payload { stream, source };
-    let event = match stream {
-        Stream::WheelOdometry => {
-            let message = AckermannDriveStamped::decode(encoding, payload).map_err(refused)?;
-            Event::WheelOdometry(drive_sample(&message)?)
-        }
-        Stream::Scan => match form.message_type.unwrap_or(scans.scan_type.message_type()) {
-            MessageType::LaserScan => {
-                let message = LaserScan::decode(encoding, payload).map_err(refused)?;
-                Event::Scan(scan(message)?)
-            }
-            MessageType::PointCloud2 => {
-                let message = PointCloud2::decode(encoding, payload).map_err(refused)?;
-                Event::Scan(cloud::scan(&message, &scans.band)?)
-            }
-            other => return Err(MessageRefused::of_type(stream, other)),
-        },
-        Stream::LidarOdometry => {
-            let message = Odometry::decode(encoding, payload).map_err(refused)?;
-            Event::LidarPose(lidar_pose(&message)?)
-        }
-        Stream::Steering | Stream::Speed => return Err(MessageRefused::Alone { stream }),
-        Stream::Event => {
-            let message: RobotEvent =
-                serde_json::from_slice(payload).map_err(MessageRefused::Event)?;
-            return noted(message);
-        }
-    };
-    let stamp = match &event {
-        Event::WheelOdometry(sample) => sample.stamp(),
-        Event::Scan(scan) => scan.stamp(),
-        Event::LidarPose(pose) => pose.stamp(),
-        Event::Note(note) => note.stamp,
-        Event::EndOfSession => RobotTime(0),
-    };
-    Ok(Decoded {
-        stamp,
-        event,
-        note: None,
-    })
-}
-
-/// Extracts a drive sample from its message.
-///
-/// # Errors
-/// Names the field that holds an impossible value.
-pub fn drive_sample(message: &AckermannDriveStamped) -> Result<DriveSample, MessageRefused> {
-    let stamp = RobotTime(message.header.stamp.as_ns());
-    let speed_mps = f64::from(message.drive.speed);
-    let steering_rad = f64::from(message.drive.steering_angle);
-    DriveSample::new(stamp, speed_mps, steering_rad).map_err(|source| MessageRefused::Field {
-        stream: Stream::WheelOdometry,
-        source,
-    })
-}
-
 /// Extracts the drive samples from their message, in the order of their stamps.
 ///
 /// # Errors
 /// Names the field of the sample that holds an impossible value.
-pub fn drive_samples(message: &DriveSamples) -> Result<Vec<DriveSample>, MessageRefused> {
+pub fn drive_samples(
+    message: &DriveSamples,
+    units: &Units,
+) -> Result<Vec<DriveSample>, MessageRefused> {
     let sample = |(index, measured): (usize, &MeasuredDrive)| {
         let stamp = RobotTime(measured.stamp.as_ns());
-        let (speed_mps, steering_rad) = (measured.speed.into(), measured.steering_angle.into());
+        let speed_mps = units.speed_mps(measured.speed.into());
+        let steering_rad = units.steering_rad(measured.steering_angle.into());
         DriveSample::new(stamp, speed_mps, steering_rad)
             .map_err(|source| MessageRefused::Sample { index, source })
     };
@@ -237,28 +202,32 @@ pub fn added_back(
     })
 }
 
-/// Extracts a scan from its message.
+/// Extracts a scan from its message; of more beams than an estimator takes, every second, third and
+/// so on.
 ///
 /// # Errors
 /// Names the field that holds an impossible value, or the number of beams that contradicts the
 /// angles.
 pub fn scan(message: LaserScan) -> Result<Scan, MessageRefused> {
     message.check_beams()?;
+    let every = message.ranges.len().div_ceil(BEAMS_MAX).max(1);
+    let step = every as f64;
     let shape = ScanShape {
         angle_min_rad: f64::from(message.angle_min),
-        angle_increment_rad: f64::from(message.angle_increment),
-        time_increment_s: f64::from(message.time_increment),
+        angle_increment_rad: step * f64::from(message.angle_increment),
+        time_increment_s: step * f64::from(message.time_increment),
         range_min_m: f64::from(message.range_min),
         range_max_m: f64::from(message.range_max),
     };
-    Scan::new(
-        RobotTime(message.header.stamp.as_ns()),
-        shape,
-        message.ranges,
-    )
-    .map_err(|source| MessageRefused::Field {
-        stream: Stream::Scan,
-        source,
+    let ranges_m = match every {
+        1 => message.ranges,
+        _ => message.ranges.iter().copied().step_by(every).collect(),
+    };
+    Scan::new(RobotTime(message.header.stamp.as_ns()), shape, ranges_m).map_err(|source| {
+        MessageRefused::Field {
+            stream: Stream::Scan,
+            source,
+        }
     })
 }
 
@@ -321,7 +290,12 @@ fn planar_covariance(spatial: &[f64; 36]) -> Option<Matrix3<f64>> {
     (planar != Matrix3::zeros()).then_some(planar)
 }
 
-fn noted(message: RobotEvent) -> Result<Decoded, MessageRefused> {
+/// Reads and checks a robot's event.
+///
+/// # Errors
+/// It is no event, its note is too long, or its time is before 1970.
+pub fn event(payload: &[u8]) -> Result<Decoded, MessageRefused> {
+    let message: RobotEvent = serde_json::from_slice(payload).map_err(MessageRefused::Event)?;
     let chars = message.note.chars().count();
     if chars > NOTE_CHARS_MAX {
         return Err(MessageRefused::NoteTooLong(chars));
@@ -351,9 +325,10 @@ mod tests {
 
     use fleetcal_model::NoteKind;
     use fleetcal_proto::Encoding;
-    use fleetcal_proto::ros::Time;
+    use fleetcal_proto::ros::{AckermannDriveStamped, RosMessage, Time};
 
     use super::*;
+    use crate::reading::testing::decoded;
 
     fn header() -> Header {
         Header {
@@ -381,12 +356,7 @@ mod tests {
     }
 
     fn decode_cdr(stream: Stream, payload: &[u8]) -> Result<Decoded, MessageRefused> {
-        decode(
-            stream,
-            Encoding::Cdr.into(),
-            &ScanSettings::default(),
-            payload,
-        )
+        decoded(stream, Encoding::Cdr.into(), payload)
     }
 
     fn refusal(stream: Stream, payload: &[u8]) -> String {
@@ -397,11 +367,11 @@ mod tests {
 
     #[test]
     fn a_scan_with_every_kind_of_range_is_accepted() {
-        let decoded = decode_cdr(Stream::Scan, &scan().to_cdr()).expect("normal input");
-        assert_eq!(decoded.stamp, RobotTime(1_700_000_000_000_000_005));
+        let read = decode_cdr(Stream::Scan, &scan().to_cdr()).expect("normal input");
+        assert_eq!(read.stamp, RobotTime(1_700_000_000_000_000_005));
         let json = scan().to_json().expect("json");
         let form = Encoding::Json.into();
-        assert!(decode(Stream::Scan, form, &ScanSettings::default(), &json).is_ok());
+        assert!(decoded(Stream::Scan, form, &json).is_ok());
     }
 
     #[test]

@@ -3,9 +3,10 @@
 mod cluster;
 mod descriptions;
 mod recorded;
+mod retired;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
@@ -70,6 +71,9 @@ pub enum FleetRefused {
     /// The robot is unregistered.
     #[error("robot {0} is not registered, expected a robot with a vehicle")]
     Unregistered(RobotId),
+    /// The robot is retired.
+    #[error("robot {0} is retired: bring it back first")]
+    Retired(RobotId),
     /// Another instance estimates the robot, or none does at this moment.
     #[error("robot {0} is not estimated by this instance")]
     Elsewhere(RobotId),
@@ -153,6 +157,7 @@ impl FleetHandle {
             scan_durations: scan_durations(),
             scan_latencies: scan_durations(),
             tasks: TaskTracker::new(),
+            latest_data_bytes_max: AtomicUsize::new(limits::MOMENT_BYTES_MAX),
             configured: watch_channel::Sender::new(0),
             membership: setup.membership,
             audited: setup.audited,
@@ -253,6 +258,9 @@ impl FleetHandle {
         let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
         if !robot.is_configured() {
             return Err(FleetRefused::Unregistered(id.clone()));
+        }
+        if robot.is_retired() {
+            return Err(FleetRefused::Retired(id.clone()));
         }
         if robot.state() == RobotState::Failed {
             return Err(FleetRefused::Stopped(id.clone()));
@@ -455,7 +463,9 @@ impl FleetHandle {
             return;
         };
         let limit = limits::payload_bytes_max(stream);
-        if bytes > limit {
+        if robot.is_retired() {
+            robot.mailbox.refuse(stream, "the robot is retired");
+        } else if bytes > limit {
             self.fleet.counts.oversized.fetch_add(1, Ordering::Relaxed);
             let name = stream.name();
             let reason = format!("{name}: got {bytes} bytes, expected {limit} at most");

@@ -4,7 +4,7 @@
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
 use fleetcal_domain::robot::PairingReport;
-use fleetcal_estimator::{DriveSample, Event, RobotTime};
+use fleetcal_estimator::{DriveSample, Event, RobotTime, Vehicle};
 use fleetcal_model::{Parameter, ParameterStatus, Stream};
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::message_type::{Form, MessageType};
@@ -13,8 +13,11 @@ use crate::coarse_stamps::StampWatch;
 use crate::commanded::SteeringWatch;
 use crate::decode::{Decoded, MessageRefused};
 use crate::pairing::Pairing;
-use crate::reading::{self, Reading, ReadingSettings};
+use crate::reading::{Half, Message, Reading, ReadingSettings, STEERING_BY_TURN_MIN_MPS};
 use crate::sighting::Sighting;
+
+/// Messages in a row on a topic of joints that may hold the same half of a drive sample.
+const PARTS_MAX: u32 = 200;
 
 /// Result of reading one message.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,6 +45,12 @@ pub struct Intake {
     stamps: StampWatch,
     /// Latest speed of a robot that sends speed and steering separately.
     speed_mps: f64,
+    /// Latest steering angle of a robot that sends its yaw rate instead; it is held at rest.
+    turned_rad: Option<f64>,
+    /// Halves in a row on the topic of wheel odometry, and which: true for steering.
+    parts: (u32, bool),
+    /// Streams of messages without a stamp.
+    unstamped: Vec<Stream>,
 }
 
 impl Intake {
@@ -68,14 +77,18 @@ impl Intake {
     ///
     /// # Errors
     /// One sentence: the stream, the field, its value and the accepted values.
-    pub fn take(
-        &mut self,
-        stream: Stream,
-        form: Form,
-        payload: &[u8],
-    ) -> Result<Taken, MessageRefused> {
-        let reading = reading::read(stream, form, &self.settings, payload)?;
-        let (stamp, steering_rad, events) = match reading {
+    pub fn take(&mut self, message: &Message<'_>) -> Result<Taken, MessageRefused> {
+        let Message {
+            stream, payload, ..
+        } = *message;
+        let read = message.read(&self.settings)?;
+        if !read.is_stamped && !self.unstamped.contains(&stream) {
+            self.unstamped.push(stream);
+        }
+        if stream == Stream::WheelOdometry {
+            self.count_parts(&read.reading)?;
+        }
+        let (stamp, steering_rad, events) = match read.reading {
             Reading::Whole(decoded) => {
                 let mut steering_rad = None;
                 if let Event::WheelOdometry(sample) = &decoded.event {
@@ -103,6 +116,15 @@ impl Intake {
                 let samples = self.pairing.take_speed(speed);
                 (speed.stamp, None, decoded(samples))
             }
+            Reading::Turn {
+                speed,
+                yaw_rate_radps,
+                vehicle,
+            } => {
+                let sample = self.turned(speed, yaw_rate_radps, &vehicle)?;
+                let steering_rad = Some(sample.steering_rad());
+                (sample.stamp(), steering_rad, decoded(vec![sample]))
+            }
         };
         let mut hasher = DefaultHasher::new();
         payload.hash(&mut hasher);
@@ -116,9 +138,60 @@ impl Intake {
         })
     }
 
+    /// Counts the halves in a row on the topic of wheel odometry.
+    fn count_parts(&mut self, reading: &Reading) -> Result<(), MessageRefused> {
+        let is_steering = matches!(reading, Reading::Steering(_));
+        let is_half = is_steering || matches!(reading, Reading::Speed(_));
+        let (count, was_steering) = self.parts;
+        let in_a_row = is_half && is_steering == was_steering;
+        self.parts = (
+            if in_a_row { count.saturating_add(1) } else { 0 },
+            is_steering,
+        );
+        let (messages, _) = self.parts;
+        if messages < PARTS_MAX {
+            return Ok(());
+        }
+        Err(MessageRefused::OnePart {
+            stream: Stream::WheelOdometry,
+            messages,
+            lacks: if is_steering { "speed" } else { "steering" },
+        })
+    }
+
+    /// Makes the drive sample of a robot that sends its yaw rate.
+    fn turned(
+        &mut self,
+        speed: Half,
+        yaw_rate_radps: f64,
+        vehicle: &Vehicle,
+    ) -> Result<DriveSample, MessageRefused> {
+        let (speed_mps, angle_rad) = vehicle.reading_of(speed.value, yaw_rate_radps);
+        let (speed_mps, angle_rad) = if speed.value.abs() >= STEERING_BY_TURN_MIN_MPS {
+            (speed_mps, angle_rad)
+        } else {
+            (speed.value, self.turned_rad.unwrap_or_default())
+        };
+        self.turned_rad = Some(angle_rad);
+        DriveSample::new(speed.stamp, speed_mps, angle_rad).map_err(|source| {
+            let stream = Stream::WheelOdometry;
+            MessageRefused::Field { stream, source }
+        })
+    }
+
     /// Returns the unchecked content of a message; `None` if it cannot be decoded or is a note.
-    pub fn sight(&self, stream: Stream, form: Form, payload: &[u8]) -> Option<Sighting> {
-        reading::sight(stream, form, &self.settings, payload)
+    pub fn sight(&self, message: &Message<'_>) -> Option<Sighting> {
+        message.sight(&self.settings)
+    }
+
+    /// Returns the streams whose messages have no stamp and count as measured when they arrive.
+    pub fn unstamped(&self) -> &[Stream] {
+        &self.unstamped
+    }
+
+    /// True if the steering angle is computed from a yaw rate.
+    pub fn steers_by_turn(&self) -> bool {
+        self.turned_rad.is_some()
     }
 
     /// Returns the quality of the pairing of steering and speed, for a robot that sends them

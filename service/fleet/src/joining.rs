@@ -135,6 +135,7 @@ impl<C: Inputs> JoiningChecks<C> {
 fn described(config: &RobotConfig) -> Described {
     Described {
         model: config.model,
+        speed_measured_at: config.vehicle().speed_measured_at,
         wheelbase_m: config.wheelbase_m.metres(),
         nominal_yaw_rad: config.nominal_extrinsics.map(|mount| mount.pose().yaw_rad),
     }

@@ -50,7 +50,7 @@ pub use notes::Noted;
 pub use packed::FORMAT_READ_MAX as CHECKPOINT_FORMAT_READ_MAX;
 pub use peers::{PeerSessions, SessionClosed};
 pub use pose::LatestPose;
-pub use reading::ReadingSettings;
+pub use reading::{Message as ReadMessage, ReadingSettings};
 pub use registry::FleetCounters;
 pub use report::{Digest, ReportDetails, Reported, RobotReport};
 pub use ring::{Held, HeldMessage};

@@ -1,9 +1,8 @@
 //! A robot's bounded mailbox: one queue in the order of arrival, dropped in a fixed order.
 //!
 //! At most [`fleetcal_domain::limits::MAILBOX_SCANS_MAX`] scans wait; a further one pushes the
-//! oldest out. Before that, a robot whose scans wait has an even share of them ([`thinning`]). A
-//! drive sample that finds the mailbox full pushes out the oldest scan, and only when there is none
-//! the oldest drive sample. Nothing is lost without being counted.
+//! oldest out. A drive sample that finds the mailbox full pushes out the oldest scan, and only when
+//! there is none the oldest drive sample. Nothing is lost without being counted.
 //!
 //! Where several instances carry the fleet, a robot's messages are kept for a task that is to begin
 //! here while another instance still has the robot; more of them, since nobody works them off.
@@ -12,7 +11,6 @@ mod heard;
 mod message;
 #[cfg(test)]
 mod tests;
-mod thinning;
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -27,7 +25,6 @@ use fleetcal_proto::progress::Progress;
 use tokio::sync::Notify;
 
 use heard::{Class, Heard};
-use thinning::Thinning;
 
 use crate::notes::Noted;
 
@@ -43,7 +40,6 @@ struct Queue {
     wheel_odometry: usize,
     scans: usize,
     notes: usize,
-    thinning: Thinning,
     /// Part of `items` that was received before the task began.
     heard: Heard,
     in_hand: Option<InHand>,
@@ -123,10 +119,6 @@ impl Queue {
     }
 
     fn push_scan(&mut self, message: Message) {
-        if !self.thinning.accepts(self.scans) {
-            self.count_dropped_scan();
-            return;
-        }
         if self.scans >= MAILBOX_SCANS_MAX {
             self.drop_oldest_scan();
         }
@@ -405,11 +397,6 @@ impl Mailbox {
             waiting: waiting as u64 + u64::from(queue.in_hand.is_some()),
             ..queue.counters.clone()
         }
-    }
-
-    /// True if part of the scans is left out, because the task is behind.
-    pub fn is_thinning(&self) -> bool {
-        self.lock().thinning.is_thinning()
     }
 
     /// Returns the progress of the task.

@@ -1,18 +1,22 @@
-//! Reading of the ROS 2 messages that a stream may be made of, for a robot's task.
+//! Reading of the ROS 2 messages that a stream may be made of: the one place that goes from a stream
+//! and a message type to what the estimator takes, live and of recordings.
 
 use fleetcal_domain::robot::{RobotConfig, ScanSettings};
-use fleetcal_domain::streams::{Joints, RobotStreams, message_types};
-use fleetcal_estimator::{DriveSample, Event, RobotTime};
+use fleetcal_domain::streams::RobotStreams;
+use fleetcal_estimator::{DriveSample, Event, LidarPose, RobotTime, Scan, Vehicle};
 use fleetcal_model::Stream;
-use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::message_type::{Form, MessageType};
 use fleetcal_proto::ros::{
-    AckermannDriveStamped, DriveSamples, Header, JointState, LaserScan, Odometry, PointCloud2,
-    PoseStamped, RosMessage, TwistStamped,
+    DriveSamples, Header, LaserScan, MultiEchoLaserScan, Odometry, PointCloud2, PoseStamped,
+    RosMessage, Unstated,
 };
 
+use crate::cloud;
 use crate::decode::{self, Decoded, MessageRefused};
 use crate::sighting::{Sighted, Sighting};
+
+/// Slowest speed at which a yaw rate tells a steering angle, m/s: below, it is divided by noise.
+pub const STEERING_BY_TURN_MIN_MPS: f64 = 0.05;
 
 /// Settings for reading a robot's messages where these do not name their own type.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -21,6 +25,9 @@ pub struct ReadingSettings {
     pub scans: ScanSettings,
     /// Its topics and joints.
     pub streams: RobotStreams,
+    /// The vehicle, for messages that state its turning instead of its steering; without it they are
+    /// refused.
+    pub vehicle: Option<Vehicle>,
 }
 
 impl ReadingSettings {
@@ -29,6 +36,7 @@ impl ReadingSettings {
         Self {
             scans: config.scans(),
             streams: config.streams.clone(),
+            vehicle: Some(config.vehicle()),
         }
     }
 
@@ -37,7 +45,7 @@ impl ReadingSettings {
     pub fn message_type(&self, stream: Stream, form: Form) -> Option<MessageType> {
         let usual = || match stream {
             Stream::Scan => Some(self.scans.scan_type.message_type()),
-            _ => message_types(stream).first().copied(),
+            _ => MessageType::of_stream(stream).first().copied(),
         };
         let configured = self.streams.message_type(stream);
         form.message_type.or(configured).or_else(usual)
@@ -64,267 +72,346 @@ pub enum Reading {
     Steering(Half),
     /// A speed that waits for its steering angle.
     Speed(Half),
+    /// A speed of the rear axle and a yaw rate, rad/s, which tell the steering angle.
+    Turn {
+        /// The speed.
+        speed: Half,
+        /// The yaw rate.
+        yaw_rate_radps: f64,
+        /// The vehicle that turns.
+        vehicle: Vehicle,
+    },
 }
 
-/// Reads one payload, by the type that the message names, else the configured one, else the usual
-/// one.
-///
-/// # Errors
-/// One sentence: the stream, the field, its value and the accepted values.
-pub fn read(
-    stream: Stream,
-    form: Form,
-    settings: &ReadingSettings,
-    payload: &[u8],
-) -> Result<Reading, MessageRefused> {
-    let of = settings.message_type(stream, form);
-    let form = Form {
-        message_type: of,
-        ..form
-    };
-    let message = Message {
-        stream,
-        encoding: form.encoding,
-        payload,
-        joints: settings.streams.joints(),
-    };
-    match (stream, of) {
-        (Stream::Steering, Some(of)) => message.steering(of).map(Reading::Steering),
-        (Stream::Speed, Some(of)) => message.speed(of).map(Reading::Speed),
-        (Stream::WheelOdometry, Some(MessageType::JointState)) => {
-            message.drive().map(Reading::Whole)
-        }
-        (Stream::WheelOdometry, Some(MessageType::DriveSamples)) => {
-            decode::drive_samples(&message.decoded()?).map(Reading::Samples)
-        }
-        (Stream::LidarOdometry, Some(MessageType::PoseStamped)) => {
-            message.pose().map(Reading::Whole)
-        }
-        (Stream::WheelOdometry | Stream::LidarOdometry, Some(of))
-            if !message_types(stream).contains(&of) =>
-        {
-            Err(MessageRefused::of_type(stream, of))
-        }
-        _ => decode::decode(stream, form, &settings.scans, payload).map(Reading::Whole),
-    }
+/// Message of a robot with the context to read it.
+#[derive(Debug, Clone, Copy)]
+pub struct Message<'m> {
+    /// Stream of the message.
+    pub stream: Stream,
+    /// Encoding and type of the message.
+    pub form: Form,
+    /// Its bytes.
+    pub payload: &'m [u8],
+    /// Time of its arrival, which is the stamp of a message without one.
+    pub arrived: RobotTime,
 }
 
-/// Returns the unchecked content of a payload; `None` if it cannot be decoded or is a note.
-pub fn sight(
-    stream: Stream,
-    form: Form,
-    settings: &ReadingSettings,
-    payload: &[u8],
-) -> Option<Sighting> {
-    let of = settings.message_type(stream, form)?;
-    let message = Message {
-        stream,
-        encoding: form.encoding,
-        payload,
-        joints: settings.streams.joints(),
-    };
-    message.sighting(of).ok()
+/// Message as it was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Read {
+    /// Its content.
+    pub reading: Reading,
+    /// False for a message without a stamp.
+    pub is_stamped: bool,
 }
 
-/// Payload with the context to read it.
-struct Message<'m> {
-    stream: Stream,
-    encoding: Encoding,
-    payload: &'m [u8],
-    joints: Option<&'m Joints>,
+/// Steering, speed and turn of a message, in radians and metres a second.
+struct Wheels {
+    header: Option<Header>,
+    steering: Result<f64, MessageRefused>,
+    speed: Result<f64, MessageRefused>,
+    yaw_rate_radps: Option<f64>,
+    /// True if another message of the topic may state the missing angle,
+    steering_may_follow: bool,
+    /// or the missing speed.
+    speed_may_follow: bool,
 }
 
 impl Message<'_> {
+    /// Reads the message, by the type that it names, else the configured one, else the usual one.
+    ///
+    /// # Errors
+    /// One sentence: the stream, the field, its value and the accepted values.
+    pub fn read(&self, settings: &ReadingSettings) -> Result<Read, MessageRefused> {
+        let whole = |(stamp, event)| Read {
+            reading: Reading::Whole(Decoded {
+                stamp,
+                event,
+                note: None,
+            }),
+            is_stamped: true,
+        };
+        let stream = self.stream;
+        if stream == Stream::Event {
+            let reading = decode::event(self.payload).map(Reading::Whole)?;
+            let is_stamped = true;
+            return Ok(Read {
+                reading,
+                is_stamped,
+            });
+        }
+        let of = self.of_stream(settings)?;
+        match stream {
+            Stream::Scan => {
+                let scan = self.scan(of, settings)?;
+                Ok(whole((scan.stamp(), Event::Scan(scan))))
+            }
+            Stream::LidarOdometry => {
+                let pose = self.pose(of)?;
+                Ok(whole((pose.stamp(), Event::LidarPose(pose))))
+            }
+            Stream::WheelOdometry if of == MessageType::DriveSamples => {
+                let units = settings.streams.units();
+                let samples = decode::drive_samples(&self.decoded()?, &units)?;
+                Ok(Read {
+                    reading: Reading::Samples(samples),
+                    is_stamped: true,
+                })
+            }
+            _ => {
+                let wheels = self.wheels(of, settings)?;
+                let is_stamped = wheels.header.is_some();
+                let reading = self.drive(wheels, settings)?;
+                Ok(Read {
+                    reading,
+                    is_stamped,
+                })
+            }
+        }
+    }
+
+    /// Returns the message's type, which its stream must accept.
+    fn of_stream(&self, settings: &ReadingSettings) -> Result<MessageType, MessageRefused> {
+        let stream = self.stream;
+        let accepted = MessageType::of_stream(stream);
+        match settings.message_type(stream, self.form) {
+            Some(of) if accepted.contains(&of) => Ok(of),
+            Some(of) => Err(MessageRefused::of_type(stream, of)),
+            None => Err(MessageRefused::NoJoints { stream }),
+        }
+    }
+
     fn decoded<M: RosMessage>(&self) -> Result<M, MessageRefused> {
         let stream = self.stream;
-        M::decode(self.encoding, self.payload)
+        M::decode(self.form.encoding, self.payload)
             .map_err(|source| MessageRefused::Payload { stream, source })
     }
 
-    /// The steering angle as it was sent.
-    fn sent_steering(&self, of: MessageType) -> Result<(Header, f64), MessageRefused> {
-        Ok(match of {
-            MessageType::JointState => {
-                let message: JointState = self.decoded()?;
-                let angle_rad = self.steering_of(&message)?;
-                (message.header, angle_rad)
+    fn scan(&self, of: MessageType, settings: &ReadingSettings) -> Result<Scan, MessageRefused> {
+        match of {
+            MessageType::LaserScan => decode::scan(self.decoded()?),
+            MessageType::MultiEchoLaserScan => {
+                let message: MultiEchoLaserScan = self.decoded()?;
+                decode::scan(message.first_echoes())
             }
-            MessageType::AckermannDriveStamped => {
-                let message: AckermannDriveStamped = self.decoded()?;
-                (message.header, f64::from(message.drive.steering_angle))
-            }
-            other => return Err(MessageRefused::of_type(self.stream, other)),
-        })
-    }
-
-    /// The speed as it was sent.
-    fn sent_speed(&self, of: MessageType) -> Result<(Header, f64), MessageRefused> {
-        Ok(match of {
-            MessageType::Odometry => {
-                let message: Odometry = self.decoded()?;
-                (message.header, message.twist.twist.linear.x)
-            }
-            MessageType::TwistStamped => {
-                let message: TwistStamped = self.decoded()?;
-                (message.header, message.twist.linear.x)
-            }
-            MessageType::JointState => {
-                let message: JointState = self.decoded()?;
-                let speed_mps = self.speed_of(&message)?;
-                (message.header, speed_mps)
-            }
-            MessageType::AckermannDriveStamped => {
-                let message: AckermannDriveStamped = self.decoded()?;
-                (message.header, f64::from(message.drive.speed))
-            }
-            other => return Err(MessageRefused::of_type(self.stream, other)),
-        })
-    }
-
-    fn steering(&self, of: MessageType) -> Result<Half, MessageRefused> {
-        let (header, angle_rad) = self.sent_steering(of)?;
-        let sample = self.sample(&header, 0.0, angle_rad)?;
-        Ok(Half {
-            stamp: sample.stamp(),
-            value: angle_rad,
-        })
-    }
-
-    fn speed(&self, of: MessageType) -> Result<Half, MessageRefused> {
-        let (header, speed_mps) = self.sent_speed(of)?;
-        let sample = self.sample(&header, speed_mps, 0.0)?;
-        Ok(Half {
-            stamp: sample.stamp(),
-            value: speed_mps,
-        })
-    }
-
-    fn drive(&self) -> Result<Decoded, MessageRefused> {
-        let message: JointState = self.decoded()?;
-        let (angle_rad, speed_mps) = (self.steering_of(&message)?, self.speed_of(&message)?);
-        let sample = self.sample(&message.header, speed_mps, angle_rad)?;
-        Ok(Decoded {
-            stamp: sample.stamp(),
-            event: Event::WheelOdometry(sample),
-            note: None,
-        })
-    }
-
-    fn sighting(&self, of: MessageType) -> Result<Sighting, MessageRefused> {
-        Ok(match self.stream {
-            Stream::Steering => {
-                let (header, steering) = self.sent_steering(of)?;
-                Sighting::of_wheels(&header, None, Some(steering))
-            }
-            Stream::Speed => {
-                let (header, speed) = self.sent_speed(of)?;
-                Sighting::of_wheels(&header, Some(speed), None)
-            }
-            Stream::WheelOdometry if of == MessageType::DriveSamples => {
-                let message: DriveSamples = self.decoded()?;
-                Sighting::of_samples(message.samples())
-            }
-            Stream::WheelOdometry if of == MessageType::JointState => {
-                let message: JointState = self.decoded()?;
-                let (speed, steering) = (self.speed_of(&message)?, self.steering_of(&message)?);
-                Sighting::of_wheels(&message.header, Some(speed), Some(steering))
-            }
-            Stream::WheelOdometry if of == MessageType::AckermannDriveStamped => {
-                let message: AckermannDriveStamped = self.decoded()?;
-                let drive = message.drive;
-                let (speed, steering) = (drive.speed.into(), drive.steering_angle.into());
-                Sighting::of_wheels(&message.header, Some(speed), Some(steering))
-            }
-            Stream::WheelOdometry => return Err(MessageRefused::of_type(self.stream, of)),
-            Stream::Scan if of == MessageType::LaserScan => {
-                let message: LaserScan = self.decoded()?;
-                let scan_time_s = f64::from(message.scan_time);
-                Sighting::of(&message.header, Sighted::Scan { scan_time_s })
-            }
-            Stream::Scan => {
+            MessageType::PointCloud2 => {
                 let message: PointCloud2 = self.decoded()?;
-                Sighting::of(&message.header, Sighted::Scan { scan_time_s: 0.0 })
+                Ok(cloud::scan(&message, &settings.scans.band)?)
             }
-            Stream::LidarOdometry if of == MessageType::PoseStamped => {
+            other => Err(MessageRefused::of_type(self.stream, other)),
+        }
+    }
+
+    fn pose(&self, of: MessageType) -> Result<LidarPose, MessageRefused> {
+        match of {
+            MessageType::Odometry => decode::lidar_pose(&self.decoded()?),
+            MessageType::PoseStamped => {
+                let message: PoseStamped = self.decoded()?;
+                decode::pose_in_odom(&message.header, &message.pose, None)
+            }
+            other => Err(MessageRefused::of_type(self.stream, other)),
+        }
+    }
+
+    fn wheels(
+        &self,
+        of: MessageType,
+        settings: &ReadingSettings,
+    ) -> Result<Wheels, MessageRefused> {
+        let (stream, units) = (self.stream, settings.streams.units());
+        let stated = of
+            .wheels(self.form.encoding, self.payload, settings.streams.joints())
+            .map_err(|source| MessageRefused::Payload { stream, source })?
+            .ok_or_else(|| MessageRefused::of_type(stream, of))?;
+        let unstated = |unstated| MessageRefused::of_wheels(stream, of, unstated);
+        let follows = |of: &Result<f64, Unstated>| of.as_ref().is_err_and(Unstated::may_follow);
+        Ok(Wheels {
+            steering_may_follow: follows(&stated.steering),
+            speed_may_follow: follows(&stated.speed),
+            header: stated.header,
+            steering: stated
+                .steering
+                .map(|sent| units.steering_rad(sent))
+                .map_err(unstated),
+            speed: stated
+                .speed
+                .map(|sent| units.speed_mps(sent))
+                .map_err(unstated),
+            yaw_rate_radps: stated.yaw_rate_radps,
+        })
+    }
+
+    fn drive(&self, wheels: Wheels, settings: &ReadingSettings) -> Result<Reading, MessageRefused> {
+        let stamp = wheels
+            .header
+            .map_or(self.arrived, |of| RobotTime(of.stamp.as_ns()));
+        let steering = |value| {
+            let sample = self.sample(stamp, 0.0, value)?;
+            let stamp = sample.stamp();
+            Ok(Reading::Steering(Half { stamp, value }))
+        };
+        let speed = |value| {
+            let sample = self.sample(stamp, value, 0.0)?;
+            let stamp = sample.stamp();
+            Ok(Reading::Speed(Half { stamp, value }))
+        };
+        match (self.stream, wheels.steering, wheels.speed) {
+            (Stream::Steering, angle, _) => steering(angle?),
+            (Stream::Speed, _, value) => speed(value?),
+            (_, Ok(angle_rad), Ok(speed_mps)) => {
+                let sample = self.sample(stamp, speed_mps, angle_rad)?;
+                Ok(Reading::Whole(Decoded {
+                    stamp: sample.stamp(),
+                    event: Event::WheelOdometry(sample),
+                    note: None,
+                }))
+            }
+            (stream, Err(refused), Ok(value)) => match (wheels.yaw_rate_radps, settings.vehicle) {
+                (Some(yaw_rate_radps), Some(vehicle)) => {
+                    let stamp = self.sample(stamp, value, 0.0)?.stamp();
+                    let speed = Half { stamp, value };
+                    if !yaw_rate_radps.is_finite() {
+                        return Err(MessageRefused::YawRate(stream, yaw_rate_radps));
+                    }
+                    Ok(Reading::Turn {
+                        speed,
+                        yaw_rate_radps,
+                        vehicle,
+                    })
+                }
+                _ if wheels.steering_may_follow => speed(value),
+                _ => Err(refused),
+            },
+            (_, Ok(value), Err(_)) if wheels.speed_may_follow => steering(value),
+            // Of joints that are there in part, the missing one is named.
+            (_, Err(_), Err(refused)) if wheels.steering_may_follow && !wheels.speed_may_follow => {
+                Err(refused)
+            }
+            (_, Err(refused), Err(_)) | (_, Ok(_), Err(refused)) => Err(refused),
+        }
+    }
+
+    /// Returns the unchecked content; `None` if the payload cannot be decoded or is a note.
+    pub fn sight(&self, settings: &ReadingSettings) -> Option<Sighting> {
+        self.sighting(settings).ok()
+    }
+
+    fn sighting(&self, settings: &ReadingSettings) -> Result<Sighting, MessageRefused> {
+        let of = self.of_stream(settings)?;
+        let scan = |header: &Header, scan_time: f32| {
+            let scan_time_s = f64::from(scan_time);
+            Sighting::of(header, Sighted::Scan { scan_time_s })
+        };
+        Ok(match (self.stream, of) {
+            (Stream::Scan, MessageType::LaserScan) => {
+                let message: LaserScan = self.decoded()?;
+                scan(&message.header, message.scan_time)
+            }
+            (Stream::Scan, MessageType::MultiEchoLaserScan) => {
+                let message: MultiEchoLaserScan = self.decoded()?;
+                scan(&message.header, message.scan_time)
+            }
+            (Stream::Scan, _) => {
+                let message: PointCloud2 = self.decoded()?;
+                scan(&message.header, 0.0)
+            }
+            (Stream::LidarOdometry, MessageType::PoseStamped) => {
                 let message: PoseStamped = self.decoded()?;
                 Sighting::of_pose(&message.header, &message.header.frame_id, &message.pose)
             }
-            Stream::LidarOdometry => {
+            (Stream::LidarOdometry, _) => {
                 let message: Odometry = self.decoded()?;
                 Sighting::of_pose(&message.header, &message.child_frame_id, &message.pose.pose)
             }
-            Stream::Event => {
-                return Err(MessageRefused::Alone {
-                    stream: Stream::Event,
-                });
+            (Stream::WheelOdometry, MessageType::DriveSamples) => {
+                let message: DriveSamples = self.decoded()?;
+                Sighting::of_samples(message.samples(), &settings.streams.units())
             }
+            _ => self.sighted_wheels(of, settings)?,
         })
     }
 
-    fn pose(&self) -> Result<Decoded, MessageRefused> {
-        let message: PoseStamped = self.decoded()?;
-        let pose = decode::pose_in_odom(&message.header, &message.pose, None)?;
-        Ok(Decoded {
-            stamp: pose.stamp(),
-            event: Event::LidarPose(pose),
-            note: None,
+    fn sighted_wheels(
+        &self,
+        of: MessageType,
+        settings: &ReadingSettings,
+    ) -> Result<Sighting, MessageRefused> {
+        let wheels = self.wheels(of, settings)?;
+        let (speed, steering) = match self.stream {
+            Stream::Steering => (None, Some(wheels.steering?)),
+            Stream::Speed => (Some(wheels.speed?), None),
+            _ => match (wheels.speed, wheels.steering) {
+                (Ok(speed), Ok(steering)) => (Some(speed), Some(steering)),
+                (Ok(speed), Err(refused)) => match (wheels.yaw_rate_radps, settings.vehicle) {
+                    (Some(yaw_rate_radps), Some(vehicle)) => {
+                        let (speed, angle) = vehicle.reading_of(speed, yaw_rate_radps);
+                        (Some(speed), Some(angle))
+                    }
+                    _ if wheels.steering_may_follow => (Some(speed), None),
+                    _ => return Err(refused),
+                },
+                (Err(_), Ok(steering)) if wheels.speed_may_follow => (None, Some(steering)),
+                (Err(refused), _) => return Err(refused),
+            },
+        };
+        let sighting = |header: &Header| Sighting::of_wheels(header, speed, steering);
+        Ok(match &wheels.header {
+            Some(header) => sighting(header),
+            None => Sighting {
+                stamp: self.arrived,
+                ..sighting(&Header::default())
+            },
         })
-    }
-
-    fn joints(&self) -> Result<&Joints, MessageRefused> {
-        let stream = self.stream;
-        self.joints.ok_or(MessageRefused::NoJoints { stream })
-    }
-
-    fn steering_of(&self, message: &JointState) -> Result<f64, MessageRefused> {
-        let joints = self.joints()?;
-        let stream = self.stream;
-        let joint = joints
-            .steering
-            .as_deref()
-            .ok_or(MessageRefused::NoJoints { stream })?;
-        let position = message.position_of(joint);
-        let position_rad = position.ok_or_else(|| self.lacks(joint, "position"))?;
-        Ok(joints.steering_gear * position_rad)
-    }
-
-    /// Returns the mean speed of the wheels, m/s.
-    fn speed_of(&self, message: &JointState) -> Result<f64, MessageRefused> {
-        let joints = self.joints()?;
-        let stream = self.stream;
-        let radius_m = joints.wheel_radius_m;
-        let radius_m = radius_m.ok_or(MessageRefused::NoJoints { stream })?;
-        let mut sum_radps = 0.0;
-        for joint in &joints.wheels {
-            let velocity = message.velocity_of(joint);
-            sum_radps += velocity.ok_or_else(|| self.lacks(joint, "velocity"))?;
-        }
-        Ok(radius_m * joints.wheel_gear * sum_radps / joints.wheels.len().max(1) as f64)
-    }
-
-    fn lacks(&self, joint: &str, what: &'static str) -> MessageRefused {
-        MessageRefused::Joint {
-            stream: self.stream,
-            joint: joint.to_owned(),
-            what,
-        }
     }
 
     fn sample(
         &self,
-        header: &Header,
+        stamp: RobotTime,
         speed_mps: f64,
         angle_rad: f64,
     ) -> Result<DriveSample, MessageRefused> {
         let stream = self.stream;
-        DriveSample::new(RobotTime(header.stamp.as_ns()), speed_mps, angle_rad)
+        DriveSample::new(stamp, speed_mps, angle_rad)
             .map_err(|source| MessageRefused::Field { stream, source })
+    }
+}
+
+/// Reading of single messages, for tests.
+#[cfg(test)]
+pub mod testing {
+    use super::*;
+
+    /// Reads a message by the usual settings.
+    pub fn decoded(stream: Stream, form: Form, payload: &[u8]) -> Result<Decoded, MessageRefused> {
+        decoded_by(&ReadingSettings::default(), stream, form, payload)
+    }
+
+    /// Reads a message.
+    pub fn decoded_by(
+        settings: &ReadingSettings,
+        stream: Stream,
+        form: Form,
+        payload: &[u8],
+    ) -> Result<Decoded, MessageRefused> {
+        let arrived = RobotTime(0);
+        let message = Message {
+            stream,
+            form,
+            payload,
+            arrived,
+        };
+        match message.read(settings)?.reading {
+            Reading::Whole(decoded) => Ok(decoded),
+            half => panic!("half of a sample: {half:?}"),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use fleetcal_proto::ros::{AckermannDrive, Pose, Quaternion, Time};
+    use fleetcal_proto::ros::{
+        AckermannDrive, AckermannDriveStamped, JointState, Pose, Quaternion, Time, TwistStamped,
+    };
 
     use super::*;
 
@@ -367,7 +454,25 @@ mod tests {
             message_type: MessageType::of_ros_type(M::TYPE),
             ..Form::default()
         };
-        read(stream, form, settings, &message.to_cdr()).map_err(|refused| refused.to_string())
+        read(stream, form, settings, &message.to_cdr())
+    }
+
+    fn read(
+        stream: Stream,
+        form: Form,
+        settings: &ReadingSettings,
+        payload: &[u8],
+    ) -> Result<Reading, String> {
+        let message = Message {
+            stream,
+            form,
+            payload,
+            arrived: RobotTime(1_800_000_000_000_000_000),
+        };
+        let read = message
+            .read(settings)
+            .map_err(|refused| refused.to_string())?;
+        Ok(read.reading)
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The robots of the fleet, and what all of its tasks share.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
@@ -108,6 +108,8 @@ pub(crate) struct Fleet {
     /// Times from a scan's arrival until it is processed.
     pub(super) scan_latencies: Histogram,
     pub(super) tasks: TaskTracker,
+    /// Memory for the latest data of all robots, bytes.
+    pub(crate) latest_data_bytes_max: AtomicUsize,
     /// Counter of changes of robots' configurations.
     pub(super) configured: watch_channel::Sender<u64>,
     /// Membership: this process estimates all robots, or those that it adopts.

@@ -1,5 +1,5 @@
-//! Ring of a robot's latest messages in memory: the data of the last minute, for the moment at which
-//! somebody asks for them.
+//! Ring of a robot's latest messages in memory: the data of up to the last minute, for the moment at
+//! which somebody asks for them.
 //!
 //! The robot's task appends, and never waits; a robot that sends nothing has an empty ring. The
 //! messages lie in chunks of many, so that a ring takes little more than their payloads, and a chunk
@@ -19,7 +19,7 @@ use crate::tapped::Tapped;
 #[derive(Debug, Clone, Copy)]
 struct Place {
     stamp: RobotTime,
-    /// Place of its topic in [`Ring::topics`].
+    /// Place of its topic in the ring's topics.
     topic: u16,
     /// End of its payload in the chunk, which begins where the one before ends.
     end: u32,
@@ -62,7 +62,21 @@ impl Inner {
         chunks + self.found.len() * limits::MOMENT_FOUND_BYTES
     }
 
+    /// Returns the size of a chunk, bytes: several fit into the share.
+    fn chunk_bytes(&self) -> usize {
+        limits::MOMENT_CHUNK_BYTES.min(self.share / 4)
+    }
+
+    /// Returns the most items that are no messages: they take a quarter of the share at most.
+    fn found_max(&self) -> usize {
+        limits::MOMENT_FOUND_MAX.min(self.share / 4 / limits::MOMENT_FOUND_BYTES)
+    }
+
+    /// Appends a message. One that alone exceeds the share is left out.
     fn append(&mut self, stamp: RobotTime, topic: &RecordingTopic, payload: &[u8]) {
+        if payload.len() > self.share {
+            return;
+        }
         let known = self.topics.iter().position(|known| known == topic);
         let place = known.unwrap_or_else(|| {
             self.topics.push(topic.clone());
@@ -76,7 +90,7 @@ impl Inner {
             .back()
             .is_none_or(|last| !last.fits(payload.len()))
         {
-            let bytes = payload.len().max(limits::MOMENT_CHUNK_BYTES);
+            let bytes = payload.len().max(self.chunk_bytes());
             self.make_room(bytes);
             self.chunks.push_back(Arc::new(Chunk {
                 bytes: Vec::with_capacity(bytes),
@@ -109,7 +123,9 @@ impl Inner {
         {
             self.chunks.pop_front();
         }
-        while self.found.front().is_some_and(|(at, _)| *at < oldest) {
+        let found_max = self.found_max();
+        while self.found.len() > found_max || self.found.front().is_some_and(|(at, _)| *at < oldest)
+        {
             self.found.pop_front();
         }
         self.make_room(0);
@@ -152,11 +168,11 @@ impl Ring {
             return;
         }
         let mut inner = self.lock();
-        if inner.found.len() >= limits::MOMENT_FOUND_MAX {
-            inner.found.pop_front();
-        }
         let now = inner.now;
         inner.found.push_back((now, item));
+        while inner.found.len() > inner.found_max() {
+            inner.found.pop_front();
+        }
     }
 
     /// Drops what is older than [`limits::MOMENT_SPAN`] at the running time `now`, and the oldest
@@ -306,6 +322,7 @@ mod tests {
             assert!(ring.size() <= share + limits::MOMENT_CHUNK_BYTES / 8);
         }
         assert_eq!(stamps(&ring).last(), Some(&999));
+        ring.tick(Duration::ZERO, limits::MOMENT_BYTES_OF_ROBOT_MAX);
         for _ in 0..limits::MOMENT_FOUND_MAX + 5 {
             ring.append(Tapped::Event {
                 stamp_ns: RobotTime(1),
@@ -313,5 +330,30 @@ mod tests {
             });
         }
         assert_eq!(ring.held().found().len(), limits::MOMENT_FOUND_MAX);
+    }
+
+    #[test]
+    fn rings_of_many_robots_stay_within_their_shares() {
+        let robots = 2 * limits::MOMENT_BYTES_MAX / limits::MOMENT_CHUNK_BYTES;
+        let share = limits::MOMENT_BYTES_MAX / robots;
+        let ring = Ring::default();
+        ring.tick(Duration::ZERO, share);
+        append(&ring, 0, 100);
+        assert!(ring.size() <= share / 2, "{} of {share} bytes", ring.size());
+        for number in 1..1_000 {
+            ring.append(Tapped::Event {
+                stamp_ns: RobotTime(number),
+                words: String::new(),
+            });
+            append(&ring, number, 4_000);
+            ring.tick(Duration::ZERO, share);
+            assert!(ring.size() <= share, "{} of {share} bytes", ring.size());
+        }
+        let held = ring.held();
+        assert!(held.messages().count() >= 2, "{}", held.messages().count());
+        assert_eq!(held.messages().last().map(|held| held.stamp.0), Some(999));
+        assert!(!held.found().is_empty());
+        append(&ring, 1_000, share + 1);
+        assert_eq!(stamps(&ring).last(), Some(&999), "too large for its share");
     }
 }

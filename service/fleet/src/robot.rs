@@ -1,9 +1,11 @@
 //! One robot's place in the fleet: its mailbox, its connection, and what its task last said.
 
 mod checks;
+mod configured;
 mod estimators;
 mod mirror;
 mod notes;
+mod retired;
 mod used;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -31,19 +33,9 @@ use crate::mailbox::{Mailbox, Recipient};
 use crate::tap::Taps;
 use crate::tenancy::Tenancy;
 use crate::top_view::TopViewAskers;
+pub use configured::Configured;
 use estimators::Estimators;
 use used::Used;
-
-/// Result of configuring a robot.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Configured {
-    /// The robot had no configuration.
-    First,
-    /// Its estimate continues.
-    GoesOn,
-    /// Its estimate begins from nothing, because of these keys.
-    BeginsAgain(Vec<&'static str>),
-}
 
 /// Window over which a stream's rate is averaged, s.
 const RATE_WINDOW_S: usize = 5;
@@ -145,6 +137,8 @@ pub struct Robot {
     cross_tracks: Mutex<CrossTracks>,
     /// True if stored notes may be missing from its task.
     wants_notes: AtomicBool,
+    /// True if it is retired: its messages are refused.
+    retired: AtomicBool,
     /// Instance that estimates it, and the report of that instance.
     estimators: Mutex<Estimators>,
 }
@@ -197,6 +191,7 @@ impl Robot {
                 notes_taken: None,
             }),
             wants_notes: AtomicBool::new(false),
+            retired: AtomicBool::new(false),
             cross_tracks: Mutex::default(),
             tenancy: Mutex::default(),
             estimators: Mutex::default(),
@@ -340,15 +335,15 @@ impl Robot {
         if status.config.as_ref() == Some(&config) {
             return Configured::GoesOn;
         }
-        let basis = config.basis(defaults);
         status.config_version = status.config_version.next();
         let Some(former) = status.config.replace(config) else {
             status.state = RobotState::NoData;
             return Configured::First;
         };
-        let keys = basis.differs_in(&former.basis(defaults));
-        if keys.is_empty() {
-            return Configured::GoesOn;
+        let by_change = |config| Configured::by_change(&former, config, defaults);
+        let configured = status.config.as_ref().map_or(Configured::GoesOn, by_change);
+        if configured == Configured::GoesOn {
+            return configured;
         }
         status.state = RobotState::NoData;
         status.estimate = None;
@@ -357,7 +352,7 @@ impl Robot {
         status.pairing = None;
         status.warnings = Vec::new();
         status.checks = Arc::default();
-        Configured::BeginsAgain(keys)
+        configured
     }
 
     /// Sets the robot's state.
@@ -563,8 +558,6 @@ impl Robot {
         let (connection, counters) = self.mirrored(connection, self.mailbox.counters());
         let of_link = self.warning_of_former_key(clock).into_iter();
         let of_link = of_link.chain(Warning::topic_blocked(&topics));
-        let is_thinning = self.mailbox.is_thinning();
-        let of_link = of_link.chain(is_thinning.then(Warning::scans_thinned));
         let estimated_by = self.estimated_by();
         let status = lock(&self.status);
         RobotView {

@@ -1,7 +1,7 @@
 //! Content of a message before it is checked: what the joining checks look at.
 
 use fleetcal_model::{Pose2, RobotTime};
-use fleetcal_proto::ros::{Header, MeasuredDrive, Pose};
+use fleetcal_proto::ros::{Header, MeasuredDrive, Pose, Units};
 
 /// Content of a message, unchecked.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,12 +54,17 @@ impl Sighting {
     }
 
     /// The stamp is that of the last sample, which is measured when the message is sent.
-    pub(crate) fn of_samples(samples: &[MeasuredDrive]) -> Self {
+    pub(crate) fn of_samples(samples: &[MeasuredDrive], units: &Units) -> Self {
+        let in_units = |sample: &MeasuredDrive| MeasuredDrive {
+            steering_angle: units.steering_rad(sample.steering_angle.into()) as f32,
+            speed: units.speed_mps(sample.speed.into()) as f32,
+            ..*sample
+        };
         let stamp = samples.last().map_or(0, |sample| sample.stamp.as_ns());
         Self {
             stamp: RobotTime(stamp),
             frame: String::new(),
-            content: Sighted::Samples(samples.to_vec()),
+            content: Sighted::Samples(samples.iter().map(in_units).collect()),
         }
     }
 

@@ -217,9 +217,9 @@ impl RobotTask {
             form,
             origin,
             payload,
-            arrived_ns: _,
+            ..
         } = message;
-        let taken = self.intake.take(*stream, *form, payload);
+        let taken = self.intake.take(&message.as_read());
         let sent = taken.as_ref();
         if sent.is_ok_and(|taken| self.is_of_two_senders(*stream, taken, *origin)) {
             return Outcome::Refused("two senders use the robot's id".to_owned());

@@ -31,7 +31,6 @@ mod moves;
 mod notes;
 mod restarts;
 mod senders;
-mod shares;
 
 use crate::live::LiveUpdate;
 

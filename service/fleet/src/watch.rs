@@ -1,6 +1,7 @@
 //! The fleet's one periodic task: rates, staleness, the end of sessions.
 
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use fleetcal_domain::limits;
@@ -75,7 +76,8 @@ pub fn look(fleet: &Fleet, whole_second: bool) {
 fn share_memory(fleet: &Fleet) {
     let robots = fleet.all();
     let holding = robots.iter().filter(|robot| robot.taps.ring.size() > 0);
-    let share = limits::MOMENT_BYTES_MAX / holding.count().max(1);
+    let all = fleet.latest_data_bytes_max.load(Ordering::Relaxed);
+    let share = all / holding.count().max(1);
     let share = share.min(limits::MOMENT_BYTES_OF_ROBOT_MAX);
     let now = fleet.clock.elapsed();
     for robot in &robots {

@@ -1,5 +1,6 @@
 //! Every limit of the service: queues, caches, bodies, waits. One name each, all in one place.
 
+mod bulk;
 mod moments;
 mod support;
 mod zenoh;
@@ -8,6 +9,7 @@ use std::time::Duration;
 
 use fleetcal_model::Stream;
 
+pub use bulk::*;
 pub use moments::*;
 pub use support::*;
 pub use zenoh::*;
@@ -32,11 +34,6 @@ pub const fn payload_bytes_max(stream: Stream) -> usize {
 pub const MAILBOX_WHEEL_ODOMETRY_MAX: usize = 1_024;
 /// Scans (or LiDAR poses) that wait in a robot's mailbox.
 pub const MAILBOX_SCANS_MAX: usize = 8;
-/// Scans that wait in the mailbox of a robot that is behind: as many as a sender that paces itself
-/// by the service's progress has on the way at most.
-pub const MAILBOX_SCANS_BEHIND: usize = 4;
-/// Scans of a robot of which at least one is processed, however short CPU time is.
-pub const SCAN_STRIDE_MAX: u32 = 8;
 /// Notes and other rare messages that wait in a robot's mailbox.
 pub const MAILBOX_NOTES_MAX: usize = 64;
 /// Stored notes about a robot that are read at once for its estimator.
@@ -58,6 +55,8 @@ pub const LIVE_UPDATES_MAX: usize = 4_096;
 pub const NOTE_CHARS_MAX: usize = 1_000;
 /// Characters of a query for robots.
 pub const VIEW_QUERY_CHARS_MAX: usize = 2_000;
+/// Conditions of a query for robots.
+pub const VIEW_QUERY_TERMS_MAX: usize = 50;
 /// Characters of a refusal's reason that are kept for the robot's page.
 pub const REFUSAL_CHARS_MAX: usize = 300;
 
@@ -193,24 +192,6 @@ pub const TOP_VIEW_SURFACES_MAX: usize = 4_096;
 pub const TOP_VIEW_TRAJECTORY_M: f64 = 20.0;
 /// Points of each trajectory in a top view.
 pub const TOP_VIEW_TRAJECTORY_POINTS_MAX: usize = 200;
-/// Recordings of robots that are made at once.
-pub const RECORDINGS_MAX: usize = 8;
-/// Items that wait for the writer of a recording.
-pub const RECORDING_WAITING_MAX: usize = 4_096;
-/// Bytes of the robot's messages that wait for the writer of a recording.
-pub const RECORDING_WAITING_BYTES_MAX: usize = 16 * 1024 * 1024;
-/// Longest recording of a robot, s.
-pub const RECORDING_DURATION_MAX_S: u32 = 3_600;
-/// Default length of a recording of a robot, s.
-pub const RECORDING_DURATION_DEFAULT_S: u32 = 60;
-/// Size at which a recording ends, bytes.
-pub const RECORDING_BYTES_MAX: u64 = 1024 * 1024 * 1024;
-/// Pieces of a recording that wait for the client that fetches it.
-pub const RECORDING_PIECES_WAITING_MAX: usize = 4;
-/// Stall after which a download is aborted.
-pub const RECORDING_STALLED_AFTER: Duration = Duration::from_secs(30);
-/// Time within which the client has to receive the rest of a recording after its end.
-pub const RECORDING_REST_TAKEN_WITHIN: Duration = Duration::from_secs(30);
 /// Restarts of an estimator after panics, beyond which it stays stopped.
 pub const ESTIMATOR_RESTARTS_MAX: u32 = 10;
 
@@ -349,7 +330,7 @@ pub const FOLLOWED_MAX: u32 = 10_000;
 pub const HTTP_PAGE_DEFAULT: u32 = 100;
 /// Proposals that one request approves.
 pub const APPROVED_AT_ONCE_MAX: usize = 500;
-/// Time within which approvals of one request must begin, or are skipped: the request is answered
+/// Time within which decisions of one request must begin, or are skipped: the request is answered
 /// before [`HTTP_WRITE_TIMEOUT`].
 pub const APPROVED_WITHIN: Duration = Duration::from_secs(4);
 /// Rows of the audit in one file.
@@ -452,6 +433,12 @@ pub const USERS_MAX: u32 = 10_000;
 pub const TOKENS_MAX: u32 = 10_000;
 /// Longest validity of a token.
 pub const TOKEN_EXPIRES_MAX: Duration = Duration::from_hours(10 * 365 * 24);
+/// Time for which an answer of `security.txt` counts: RFC 9116 recommends less than a year.
+pub const SECURITY_TXT_VALID_FOR: Duration = Duration::from_hours(180 * 24);
+/// Shortest time for which a former signing key is accepted beside the new one.
+pub const FORMER_KEY_ACCEPTED_MIN: Duration = Duration::from_mins(1);
+/// Longest time for which a former signing key is accepted beside the new one.
+pub const FORMER_KEY_ACCEPTED_MAX: Duration = Duration::from_hours(366 * 24);
 /// Attempts to sign in under one name from one address at once.
 pub const SIGN_IN_NAME_BURST: u32 = 10;
 /// Time after which one more such attempt is admitted.

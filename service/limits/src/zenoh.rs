@@ -29,6 +29,10 @@ pub const ZENOH_UNFINISHED_MEMORY_PART: usize = 2;
 pub const ZENOH_SESSION_MEMORY_PART: u64 = 4;
 /// Largest memory that a service counts as settled, in quarters of what the process may use.
 pub const ZENOH_SESSION_MEMORY_SETTLED_QUARTERS: u64 = 3;
+/// Growth of memory for which no session is closed, in bytes: what a request may need for a moment.
+pub const ZENOH_SESSION_MEMORY_LEAST_BYTES: u64 = 32 << 20;
+/// Owners whose sessions are closed in a row before memory that stays counts as settled.
+pub const ZENOH_SESSION_MEMORY_OWNERS_MAX: u32 = 8;
 /// Time after which memory counts as settled.
 pub const ZENOH_SESSION_MEMORY_RECENT: Duration = Duration::from_millis(500);
 /// Time between two measurements of memory, in which one session can fill some 5 MiB.

@@ -61,9 +61,13 @@ async fn reply_approved(lifecycle: Lifecycle, keys: Keys, query: Query) {
         // A question about all robots at once is nobody's own.
         return;
     };
+    let kind = StreamKind::CalibrationApproved;
+    // First: what follows is signed with the new key.
+    if let Some(announcement) = lifecycle.key_announcement() {
+        reply(&query, &keys, &robot, kind, &announcement);
+    }
     match lifecycle.approved(&robot, question_of(&query)).await {
         Ok(Some(offered)) => {
-            let kind = StreamKind::CalibrationApproved;
             reply(&query, &keys, &robot, kind, &offered);
         }
         Ok(None) => {}

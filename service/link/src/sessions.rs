@@ -82,7 +82,7 @@ async fn close_while_short(memory: SessionMemory, sessions: Weak<Inner>) {
             return;
         };
         let now = sessions.clock.elapsed();
-        if (memory.resident)().is_some_and(|bytes| watch.is_short(now, bytes)) {
+        if (memory.resident)().is_some_and(|bytes| watch.is_to_close(now, bytes)) {
             sessions.close_newest_owner();
         }
     }
@@ -369,7 +369,7 @@ mod tests {
         let port = free_address().port();
         let memory = SessionMemory {
             resident: || Some(RESIDENT.load(Ordering::Relaxed)),
-            allowed_bytes: 4,
+            allowed_bytes: 4 << 30,
         };
         let router = router(port, |shares| {
             Sessions::new(shares, fleet.clone(), clock).within(Some(memory))
@@ -381,7 +381,7 @@ mod tests {
         let closed = || fleet.peers().closed()[SessionClosed::Memory as usize].1;
         assert_eq!(closed(), 0);
 
-        RESIDENT.store(2, Ordering::Relaxed);
+        RESIDENT.store(2 << 30, Ordering::Relaxed);
         until("both are closed", || closed() >= 2).await;
         RESIDENT.store(1, Ordering::Relaxed);
         until("both are back", || fleet.peers().open() == 2).await;

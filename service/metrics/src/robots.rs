@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use fleetcal_domain::deviation::Deviation;
 use fleetcal_domain::limits;
-use fleetcal_domain::robot::{Counters, RobotView, WarningKind};
+use fleetcal_domain::robot::{Counters, RobotView};
 use fleetcal_model::{Detection, DetectionState, Parameter, ParameterStatus, Unit, WallTime};
 use fleetcal_proto::RobotId;
 
@@ -15,7 +15,6 @@ pub struct RobotFigures {
     robot: RobotId,
     /// Number of its messages by outcome, in the order of [`OUTCOMES`].
     outcomes: [u64; OUTCOMES.len()],
-    scans_thinned: bool,
     unpaired: u64,
     restarts: u64,
     detection: Option<Detection>,
@@ -67,7 +66,6 @@ impl RobotFigures {
                 dropped_scans,
                 dropped_notes,
             ],
-            scans_thinned: view.is_warned(WarningKind::ScansThinned),
             unpaired: view.pairing.map_or(0, |pairing| pairing.unpaired),
             restarts: u64::from(view.estimator_restarts),
             detection: view
@@ -103,18 +101,12 @@ struct Family {
     write: fn(&mut String, &RobotFigures) -> fmt::Result,
 }
 
-const FAMILIES: [Family; 11] = [
+const FAMILIES: [Family; 10] = [
     Family {
         name: "fleetcal_robot_messages",
         help: "Messages of each robot, by what became of them",
         kind: "counter",
         write: messages,
-    },
-    Family {
-        name: "fleetcal_robot_scans_thinned",
-        help: "1 while the service lacks CPU time and uses an even share of its scans",
-        kind: "gauge",
-        write: scans_thinned,
     },
     Family {
         name: "fleetcal_robot_unpaired",
@@ -218,14 +210,6 @@ fn messages(out: &mut String, robot: &RobotFigures) -> fmt::Result {
     Ok(())
 }
 
-fn scans_thinned(out: &mut String, robot: &RobotFigures) -> fmt::Result {
-    let (id, value) = (robot.robot.as_str(), u32::from(robot.scans_thinned));
-    writeln!(
-        out,
-        "fleetcal_robot_scans_thinned{{robot=\"{id}\"}} {value}"
-    )
-}
-
 fn unpaired(out: &mut String, robot: &RobotFigures) -> fmt::Result {
     let (id, count) = (robot.robot.as_str(), robot.unpaired);
     writeln!(
@@ -303,7 +287,6 @@ mod tests {
         RobotFigures {
             robot: RobotId::parse(&format!("warehouse_tugger_{number:04}")).unwrap(),
             outcomes: [1_000_000_000, 1, 2, 3, 4, 5],
-            scans_thinned: false,
             unpaired: 6,
             restarts: 7,
             detection: Some(Detection::of_all(DetectionState::Watching)),
@@ -322,7 +305,7 @@ mod tests {
     fn each_piece_has_some_robots_of_one_family() {
         let all: String = pieces(vec![figures(1)]).collect();
         let lines: Vec<&str> = all.lines().collect();
-        assert_eq!(lines.len(), 11 * 2 + 6 + 1 + 1 + 1 + 3 + 1 + 1 + 2 * 3);
+        assert_eq!(lines.len(), 10 * 2 + 6 + 1 + 1 + 3 + 1 + 1 + 2 * 3);
         for line in [
             "fleetcal_robot_deviation_tolerances{robot=\"warehouse_tugger_0001\"} 1.25",
             "fleetcal_robot_last_message_timestamp_seconds{robot=\"warehouse_tugger_0001\"} 1.5",

@@ -74,48 +74,66 @@ impl Shelf {
         let robot = moment.robot.clone();
         self.moments.entry(robot.clone()).or_default().push(moment);
         let mut dropped = 0;
-        while self.is_too_much_of(&robot) && self.drop_oldest(&robot) {
+        while self.is_too_much_of(&robot) {
+            self.drop_oldest(&robot);
             dropped += 1;
         }
-        while self.bytes() > limits::MOMENTS_DISK_BYTES_MAX {
-            let largest = self.moments.iter().max_by_key(|(_, of)| bytes_of(of));
-            let Some(robot) = largest.map(|(robot, _)| robot.clone()) else {
-                break;
-            };
-            if !self.drop_oldest(&robot) {
-                break;
-            }
+        while self.bytes() > limits::MOMENTS_DISK_BYTES_MAX
+            && let Some(loser) = self.loser(&robot)
+        {
+            self.drop_oldest(&loser);
             dropped += 1;
         }
         dropped
     }
 
+    /// True if a robot has more than it may, and more than one.
     fn is_too_much_of(&self, robot: &RobotId) -> bool {
-        let Some(of) = self.moments.get(robot) else {
+        let Some(of) = self.moments.get(robot).filter(|of| of.len() > 1) else {
             return false;
         };
         of.len() > limits::MOMENTS_OF_ROBOT_MAX
             || bytes_of(of) > limits::MOMENTS_DISK_BYTES_OF_ROBOT_MAX
     }
 
+    /// Returns the robot that loses its oldest moment when all have too much: of those with more
+    /// than one moment the one that takes most, else the one with the oldest moment, which is not
+    /// `newest`, the robot of the moment just listed.
+    fn loser(&self, newest: &RobotId) -> Option<RobotId> {
+        let several = self.moments.iter().filter(|(_, of)| of.len() > 1);
+        let largest = several.max_by_key(|(_, of)| bytes_of(of));
+        let others = || self.moments.iter().filter(|(robot, _)| *robot != newest);
+        let oldest = || others().min_by_key(|(_, of)| of.first().map(|first| first.id));
+        largest.or_else(oldest).map(|(robot, _)| robot.clone())
+    }
+
     fn bytes(&self) -> u64 {
         self.moments.values().map(|of| bytes_of(of)).sum()
     }
 
-    /// Drops the oldest moment of a robot, but not its only one. Returns false if there is none.
-    fn drop_oldest(&mut self, robot: &RobotId) -> bool {
+    /// Drops the oldest moment of a robot.
+    fn drop_oldest(&mut self, robot: &RobotId) {
         let folder = self.folder(robot);
-        let Some(of) = self.moments.get_mut(robot).filter(|of| of.len() > 1) else {
-            return false;
+        let Some(of) = self.moments.get_mut(robot) else {
+            return;
         };
         let oldest = of.remove(0);
-        for ending in [DESCRIPTION, DATA] {
-            let path = folder.join(format!("{}.{ending}", oldest.id));
-            if let Err(error) = fs::remove_file(&path) {
-                tracing::warn!(%error, path = %path.display(), "a moment was not removed");
-            }
+        if of.is_empty() {
+            self.moments.remove(robot);
         }
-        true
+        for ending in [DESCRIPTION, DATA] {
+            remove(&folder.join(format!("{}.{ending}", oldest.id)));
+        }
+    }
+}
+
+/// Removes a file that may be missing.
+fn remove(path: &Path) {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            tracing::warn!(%error, path = %path.display(), "a file of a moment was not removed");
+        }
+        Ok(()) | Err(_) => {}
     }
 }
 
@@ -157,9 +175,22 @@ fn read_robot(folder: &Path, robot: &RobotId) -> io::Result<Vec<Moment>> {
     Ok(moments)
 }
 
-/// Writes a moment. On return it survives the end of the process and of the machine. Returns its
-/// description with what the data say.
-pub(crate) fn write(folder: &Path, mut moment: Moment, held: &Held) -> io::Result<Moment> {
+/// Writes a moment. On return it survives the end of the process and of the machine, or, after an
+/// error, nothing of it is left. Returns its description with what the data say.
+pub(crate) fn write(folder: &Path, moment: Moment, held: &Held) -> io::Result<Moment> {
+    let id = moment.id;
+    let written = write_whole(folder, moment, held);
+    if written.is_err() {
+        for ending in [DESCRIPTION, DATA] {
+            let (part, path) = places(folder, id, ending);
+            remove(&part);
+            remove(&path);
+        }
+    }
+    written
+}
+
+fn write_whole(folder: &Path, mut moment: Moment, held: &Held) -> io::Result<Moment> {
     fs::create_dir_all(folder)?;
     let (part, path) = places(folder, moment.id, DATA);
     let stamps = || held.messages().map(|message| message.stamp);
@@ -313,5 +344,51 @@ mod tests {
         assert_eq!(shelf.add(last), 1);
         assert_eq!(ids(&shelf, "d"), [1]);
         assert!(shelf.bytes() <= limits::MOMENTS_DISK_BYTES_MAX);
+    }
+
+    #[test]
+    fn a_robot_with_one_large_moment_leaves_the_limit_of_all_in_force() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut shelf = Shelf::read(folder.path().to_owned()).unwrap();
+        let mut next = 0;
+        let mut sized = |robot: &str, bytes| {
+            next += 1;
+            Moment {
+                bytes,
+                ..moment(robot, next)
+            }
+        };
+        let small = limits::MOMENTS_DISK_BYTES_OF_ROBOT_MAX / 4;
+        let third = (limits::MOMENTS_DISK_BYTES_MAX - small) / 3;
+        shelf.add(sized("one", third));
+        for _ in 0..3 {
+            let written = sized("several", small);
+            assert_eq!(shelf.add(written), 0);
+        }
+        shelf.add(sized("two", third));
+        assert_eq!(shelf.add(sized("three", third)), 2);
+        assert_eq!(
+            (ids(&shelf, "one"), ids(&shelf, "several")),
+            (vec![1], vec![4])
+        );
+        assert!(shelf.bytes() <= limits::MOMENTS_DISK_BYTES_MAX);
+        // Nobody has several: the oldest of all goes.
+        assert_eq!(shelf.add(sized("four", third)), 1);
+        let left = ["one", "several", "two", "three", "four"].map(|robot| ids(&shelf, robot).len());
+        assert_eq!(left, [0, 1, 1, 1, 1]);
+        assert!(shelf.bytes() <= limits::MOMENTS_DISK_BYTES_MAX);
+    }
+
+    #[test]
+    fn a_moment_that_the_disk_refuses_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        for ending in [DATA, DESCRIPTION] {
+            let (part, _) = places(folder.path(), 7, ending);
+            // A device on which every write fails with ENOSPC.
+            std::os::unix::fs::symlink("/dev/full", part).unwrap();
+            let error = write(folder.path(), moment("a", 7), &Held::default()).unwrap_err();
+            assert!(error.to_string().contains("No space left"), "{error}");
+            assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "{ending}");
+        }
     }
 }

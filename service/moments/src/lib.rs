@@ -218,8 +218,9 @@ impl Moments {
                 }
                 Err(RecvError::Closed) => return,
             };
-            let now = self.inner.clock.elapsed();
-            let Some((robot, kind, words)) = triggers.take(&update, now) else {
+            let clock = &self.inner.clock;
+            let taken = triggers.take(&update, clock.elapsed(), clock.now());
+            let Some((robot, kind, words)) = taken else {
                 continue;
             };
             let held = self.inner.fleet.latest_data(&robot).unwrap_or_default();

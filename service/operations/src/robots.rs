@@ -3,9 +3,12 @@
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeMap;
+
 use async_trait::async_trait;
 use fleetcal_domain::access::{Actor, Authentication};
 use fleetcal_domain::audit::Action;
+use fleetcal_domain::limits;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_model::{EventId, RobotId, Version, WallTime};
 use fleetcal_store::transaction::AnswerScope;
@@ -21,8 +24,8 @@ use crate::answers::{made_before, note_made};
 /// Stores a robot's configuration; returns its new version.
 ///
 /// # Errors
-/// [`StoreError::VersionConflict`] if it is not at the expected version; otherwise the database's
-/// failure.
+/// [`StoreError::VersionConflict`] if it is not at the expected version, [`StoreError::RobotsMax`]
+/// if it is new and the fleet is full; otherwise the database's failure.
 pub fn configure(
     store: &Store,
     robot: &RobotId,
@@ -38,6 +41,29 @@ pub fn configure(
         actor,
         now: store.now(),
     };
+    Box::pin(async move { store.transact(job).await })
+}
+
+/// Stores the configurations of new robots, all or none.
+///
+/// # Errors
+/// [`StoreError::VersionConflict`] if one of them has a configuration already,
+/// [`StoreError::RobotsMax`] if the fleet has no room for all; otherwise the database's failure.
+pub fn register_all(
+    store: &Store,
+    robots: &BTreeMap<RobotId, RobotConfig>,
+    actor: &Actor,
+) -> Boxed<Result<(), StoreError>> {
+    let store = store.clone();
+    let now = store.now();
+    let each = robots.iter().map(|(robot, config)| ConfigureRobot {
+        robot: robot.clone(),
+        config: config.clone(),
+        expected: Expected::Absent,
+        actor: actor.clone(),
+        now,
+    });
+    let job = RegisterRobots(each.collect());
     Box::pin(async move { store.transact(job).await })
 }
 
@@ -78,6 +104,42 @@ impl Job for ConfigureRobot {
     type Done = Version;
 
     async fn run(&self, records: &mut dyn Records) -> Result<Version, StoreError> {
+        let version = self.write(records).await?;
+        if version == Version(1) {
+            check_robots(records).await?;
+        }
+        Ok(version)
+    }
+}
+
+/// Refuses more robots than a fleet may have; what the job wrote is then undone.
+async fn check_robots(records: &mut dyn Records) -> Result<(), StoreError> {
+    let robots = records.count_configured().await? as usize;
+    if robots > limits::ROBOTS_MAX {
+        return Err(StoreError::RobotsMax { robots });
+    }
+    Ok(())
+}
+
+/// Job that stores the configurations of new robots in one transaction.
+#[derive(Debug, Clone)]
+struct RegisterRobots(Vec<ConfigureRobot>);
+
+#[async_trait]
+impl Job for RegisterRobots {
+    type Done = ();
+
+    async fn run(&self, records: &mut dyn Records) -> Result<(), StoreError> {
+        for robot in &self.0 {
+            robot.write(records).await?;
+        }
+        check_robots(records).await
+    }
+}
+
+impl ConfigureRobot {
+    /// Stores the configuration, however many robots there are.
+    async fn write(&self, records: &mut dyn Records) -> Result<Version, StoreError> {
         let robot = records.robot(&self.robot).await?;
         let found = robot.as_ref().map_or(Version(0), |robot| robot.version);
         if !self.expected.accepts(found) {
@@ -95,9 +157,7 @@ impl Job for ConfigureRobot {
         records.append_audit(&self.audit(before.as_ref())).await?;
         Ok(version)
     }
-}
 
-impl ConfigureRobot {
     /// Author of the drawing: the actor who changes it, or the author of an unchanged one.
     fn drawn_by<'a>(&'a self, before: Option<&'a RobotRecord>) -> Option<&'a str> {
         let drawing = self.config.nominal_extrinsics;

@@ -2,7 +2,7 @@
 
 use axum::Json;
 use axum::body::Bytes;
-use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
+use axum::extract::{DefaultBodyLimit, FromRequest, FromRequestParts, Path, Query, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, StatusCode, header};
 use fleetcal_domain::limits;
@@ -63,16 +63,18 @@ impl<S: Send + Sync> FromRequestParts<S> for RobotPath {
     }
 }
 
-/// JSON body of a request.
+/// JSON body of a request, of at most `BYTES_MAX` bytes.
 #[derive(Debug)]
-pub struct Body<T> {
+pub struct Body<T, const BYTES_MAX: usize = { limits::HTTP_BODY_BYTES_MAX }> {
     /// Its content.
     pub value: T,
     /// SHA-256 of its bytes.
     pub sha256: [u8; 32],
 }
 
-impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for Body<T> {
+impl<S: Send + Sync, T: DeserializeOwned, const BYTES_MAX: usize> FromRequest<S>
+    for Body<T, BYTES_MAX>
+{
     type Rejection = Problem;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
@@ -81,33 +83,46 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for Body<T> {
             let status = StatusCode::UNSUPPORTED_MEDIA_TYPE;
             return Err(Problem::new(status, "not_json", detail).of_field("Content-Type"));
         }
-        let bytes = Bytes::from_request(request, state)
-            .await
-            .map_err(|rejection| {
-                let detail = match rejection.status() {
-                    StatusCode::PAYLOAD_TOO_LARGE => {
-                        format!(
-                            "the body is larger than {} bytes",
-                            limits::HTTP_BODY_BYTES_MAX
-                        )
-                    }
-                    _ => rejection.body_text(),
-                };
-                Problem::new(rejection.status(), "body_refused", detail)
-            })?;
-        let Json(value) = Json::from_bytes(&bytes).map_err(|rejection| {
-            unreadable(
-                rejection.status(),
-                "body_refused",
-                "the body",
-                &rejection.body_text(),
-            )
-        })?;
+        let bytes = bytes_of(request, state, BYTES_MAX).await?;
         Ok(Self {
-            value,
+            value: parsed(&bytes)?,
             sha256: Sha256::digest(&bytes).into(),
         })
     }
+}
+
+/// Parses JSON.
+///
+/// # Errors
+/// A [`Problem`] that names the field that does not fit.
+pub fn parsed<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem> {
+    let value = Json::from_bytes(bytes).map_err(|rejection| {
+        let (status, said) = (rejection.status(), rejection.body_text());
+        unreadable(status, "body_refused", "the body", &said)
+    });
+    value.map(|Json(value)| value)
+}
+
+/// Reads a body of at most `bytes_max` bytes.
+///
+/// # Errors
+/// A [`Problem`] if it is longer, or did not come whole.
+pub async fn bytes_of<S: Send + Sync>(
+    mut request: Request,
+    state: &S,
+    bytes_max: usize,
+) -> Result<Bytes, Problem> {
+    DefaultBodyLimit::max(bytes_max).apply(&mut request);
+    let bytes = Bytes::from_request(request, state).await;
+    bytes.map_err(|rejection| {
+        let detail = match rejection.status() {
+            StatusCode::PAYLOAD_TOO_LARGE => {
+                format!("the body is larger than {bytes_max} bytes")
+            }
+            _ => rejection.body_text(),
+        };
+        Problem::new(rejection.status(), "body_refused", detail)
+    })
 }
 
 /// Makes the problem of an invalid query or body. The error `said` reads "Failed to …: the field:

@@ -2,6 +2,7 @@
 //! documents. It knows no route.
 
 pub mod cookie;
+pub mod csv;
 pub mod etag;
 pub mod extract;
 pub mod listing;

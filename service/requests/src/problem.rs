@@ -108,6 +108,16 @@ impl Problem {
         StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
     }
 
+    /// Returns the sentence for people.
+    pub fn detail(&self) -> &str {
+        &self.detail
+    }
+
+    /// Returns the parameter, field or header that the problem is about.
+    pub fn field(&self) -> Option<&str> {
+        self.field.as_deref()
+    }
+
     /// Adds the seconds to wait before the next attempt.
     #[must_use]
     pub fn retry_after(mut self, seconds: u32) -> Self {
@@ -130,6 +140,7 @@ impl From<StoreError> for Problem {
             StoreError::VersionConflict { .. } => {
                 Self::new(StatusCode::PRECONDITION_FAILED, "version_conflict", detail)
             }
+            StoreError::RobotsMax { .. } => Self::new(StatusCode::CONFLICT, "fleet_full", detail),
             StoreError::KeyReused => Self::new(
                 StatusCode::UNPROCESSABLE_ENTITY,
                 "idempotency_key_reused",
@@ -207,11 +218,16 @@ impl From<Refused> for Problem {
             }
             Refused::ProposalClosed { .. } | Refused::NotOpen(_) => conflict("proposal_closed"),
             Refused::Deployment { .. } | Refused::NotUnderway(_) => conflict("wrong_state"),
-            Refused::Underway { .. } => conflict("deployment_underway"),
+            Refused::Underway { .. } | Refused::UnderwayAtRetirement { .. } => {
+                conflict("deployment_underway")
+            }
             Refused::Outdated(_) => conflict("proposal_outdated"),
             Refused::ReassemblyOpen => conflict("reassembly_open"),
             Refused::TwoSenders => conflict("two_senders"),
             Refused::NoMaintenance => conflict("not_in_maintenance"),
+            Refused::Retired { .. } => conflict("robot_retired"),
+            Refused::NotRetired => conflict("robot_not_retired"),
+            Refused::StillSends => conflict("robot_sends"),
             Refused::OutOfLimits { field, .. } => value(field),
             Refused::ReasonMissing => value("reason"),
             Refused::NothingToReturnTo | Refused::NothingEarlier => {
@@ -268,6 +284,7 @@ impl From<FleetRefused> for Problem {
             FleetRefused::Unregistered(_) => {
                 Self::new(StatusCode::CONFLICT, "robot_unregistered", detail)
             }
+            FleetRefused::Retired(_) => Self::new(StatusCode::CONFLICT, "robot_retired", detail),
             FleetRefused::RobotsMax => Self::new(StatusCode::CONFLICT, "fleet_full", detail),
             FleetRefused::Stopped(_) => {
                 Self::new(StatusCode::CONFLICT, "estimator_stopped", detail)

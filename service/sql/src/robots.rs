@@ -7,7 +7,7 @@ use fleetcal_store::transaction::RobotRecords;
 use fleetcal_store::{EventRecord, NewEvent, RobotRecord, StoreError};
 
 use super::events;
-use super::query::query;
+use super::query::{query, query_scalar};
 use super::row::{column, corrupt, json, parsed, robot_id, wall_time};
 use super::transaction::SqlRecords;
 use super::value::Row;
@@ -29,6 +29,13 @@ impl RobotRecords for SqlRecords<'_> {
             .await
             .map_err(StoreError::database("read a robot"))?;
         row.as_ref().map(robot_of).transpose()
+    }
+
+    async fn count_configured(&mut self) -> Result<u32, StoreError> {
+        query_scalar("SELECT count(*) FROM robot WHERE config IS NOT NULL")
+            .fetch_one(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("count the robots"))
     }
 
     async fn save_config(

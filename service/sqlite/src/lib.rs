@@ -2,6 +2,7 @@
 
 mod administration;
 mod connection;
+mod place;
 mod restore;
 mod testing;
 #[cfg(test)]
@@ -152,7 +153,8 @@ async fn connect(
     folder.sync()?;
     telemetry::note_start(&mut OnConnection(&mut connection), now).await?;
     let reader = readers(&path).await?;
-    Ok((SqliteWriter::new(connection, options, jobs).await?, reader))
+    let writer = SqliteWriter::new(connection, options, jobs, &path).await?;
+    Ok((writer, reader))
 }
 
 /// Opens the database of a folder for administration. A locked folder is migrated; that of a
@@ -183,7 +185,7 @@ async fn administer(
         return Err(StoreError::OtherSchema { found, known });
     }
     Ok((
-        SqliteWriter::new(connection, options, JobRuns::Once).await?,
+        SqliteWriter::new(connection, options, JobRuns::Once, path).await?,
         reader,
     ))
 }

@@ -2,11 +2,11 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Write as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fleetcal_folder::Folder;
-use fleetcal_folder::signing_key::KEY_FILE;
+use fleetcal_folder::signing_key::{KEY_FILE, changes_of};
 use fleetcal_proto::signing::KEY_BYTES;
 use fleetcal_store::StoreError;
 use sqlx::sqlite::SqliteConnectOptions;
@@ -55,12 +55,21 @@ pub async fn restore(
             "is another key; leave --signing-key out to keep it",
         ));
     }
+    let changes = key.map(|key| read_changes(key, &key_file)).transpose()?;
     let new = unfinished(&database).ok_or_else(|| refused(&database, "cannot be named"))?;
-    let placed = place(backup, &new, secret.as_ref(), &key_file, &database).await;
+    let key = Key {
+        secret,
+        changes: changes.flatten(),
+        file: key_file.clone(),
+    };
+    let placed = place(backup, &new, &key, &database).await;
     if placed.is_err() && !database.exists() {
         remove(&new);
-        if secret.is_some() {
-            remove(&key_file);
+        if key.secret.is_some() {
+            remove(&key.file);
+        }
+        if key.changes.is_some() {
+            remove(&changes_of(&key.file));
         }
     }
     placed?;
@@ -70,14 +79,16 @@ pub async fn restore(
     })
 }
 
+/// Key that is put into the folder; without a secret, the folder's own stays.
+struct Key {
+    secret: Option<[u8; KEY_BYTES]>,
+    /// Content of the file with the changes that led to it.
+    changes: Option<Vec<u8>>,
+    file: PathBuf,
+}
+
 /// Copies the backup beside its place, writes the key, and gives the database its name.
-async fn place(
-    backup: &Path,
-    new: &Path,
-    secret: Option<&[u8; KEY_BYTES]>,
-    key_file: &Path,
-    database: &Path,
-) -> Result<(), StoreError> {
+async fn place(backup: &Path, new: &Path, key: &Key, database: &Path) -> Result<(), StoreError> {
     let failed = |source| StoreError::Folder {
         path: database.parent().unwrap_or(database).to_owned(),
         source: Arc::new(source),
@@ -88,8 +99,12 @@ async fn place(
     let copied = copy_into(&mut connection, new).await;
     close(connection).await?;
     copied?;
-    if let Some(secret) = secret {
-        write_key(key_file, secret).map_err(failed)?;
+    // The key last: without it nothing of the folder is signed.
+    if let Some(changes) = &key.changes {
+        write_private(&changes_of(&key.file), changes).map_err(failed)?;
+    }
+    if let Some(secret) = &key.secret {
+        write_private(&key.file, secret).map_err(failed)?;
     }
     finish(new, database).map_err(failed)
 }
@@ -167,12 +182,22 @@ fn read_key(path: &Path) -> Result<[u8; KEY_BYTES], StoreError> {
     })
 }
 
-fn write_key(path: &Path, secret: &[u8]) -> Result<(), std::io::Error> {
+/// Reads the changes that led to a key; `None` where there are none, or the folder has them.
+fn read_changes(key: &Path, key_file: &Path) -> Result<Option<Vec<u8>>, StoreError> {
+    let (from, to) = (changes_of(key), changes_of(key_file));
+    match std::fs::read(&from) {
+        Ok(changes) => Ok((std::fs::read(to).ok().as_ref() != Some(&changes)).then_some(changes)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(refused(&from, &format!("cannot be read: {error}"))),
+    }
+}
+
+fn write_private(path: &Path, content: &[u8]) -> Result<(), std::io::Error> {
     let mut new = OpenOptions::new();
-    new.write(true).create_new(true);
+    new.write(true).create(true).truncate(true);
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::mode(&mut new, 0o600);
     let mut file: File = new.open(path)?;
-    file.write_all(secret)?;
+    file.write_all(content)?;
     file.sync_all()
 }

@@ -1,6 +1,7 @@
 //! The connection that writes. Jobs and telemetry share it and take turns, in the order in which
 //! they ask for it.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use async_trait::async_trait;
@@ -13,6 +14,7 @@ use sqlx::{ConnectOptions, Connection, Transaction};
 use tokio::sync::Mutex;
 
 use super::connection::OnConnection;
+use super::place::Place;
 
 /// The only connection that writes, with its reopening.
 ///
@@ -29,6 +31,8 @@ pub(crate) struct SqliteWriter {
     /// COMMIT left in the log stays out of the database and is overwritten. Without it, a batch
     /// that is written again could count twice.
     keeper: SqliteConnection,
+    /// Files that it writes.
+    place: Place,
     /// Keys of the robots of committed transactions.
     keys: Keys,
     jobs: JobRuns,
@@ -76,8 +80,7 @@ impl From<StoreError> for Failed {
 }
 
 impl SqliteWriter {
-    /// Makes the writer from the first connection; `options` open the next ones, of the same
-    /// database.
+    /// Makes the writer from the first connection to `database`; `options` open the next ones.
     ///
     /// # Errors
     /// [`StoreError::Database`] if a second connection cannot be opened beside it.
@@ -85,6 +88,7 @@ impl SqliteWriter {
         connection: SqliteConnection,
         options: SqliteConnectOptions,
         jobs: JobRuns,
+        database: &Path,
     ) -> Result<Self, StoreError> {
         let failed = || StoreError::database("be opened");
         let mut keeper = options
@@ -102,6 +106,7 @@ impl SqliteWriter {
             options,
             connection: Some(connection),
             keeper,
+            place: Place::of(database),
             keys: Keys::new(),
             jobs,
         })
@@ -120,7 +125,8 @@ impl SqliteWriter {
             self.connection = Some(connection);
         }
         match ended {
-            Ended::Committed(rows) => Ok(rows),
+            // Before anybody is told that it is stored.
+            Ended::Committed(rows) => self.place.check().map(|()| rows),
             Ended::RolledBack(error) | Ended::Broken(error) => {
                 // Some of these may have been made by the transaction that is gone.
                 self.keys.clear();

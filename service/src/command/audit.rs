@@ -6,15 +6,14 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use fleetcal_command::output::print_text;
-use fleetcal_command::{EXIT_DATA, EXIT_FOUND, EXIT_USAGE};
+use fleetcal_command::trust::{ChangesArgument, Trust};
+use fleetcal_command::{EXIT_DATA, EXIT_FOUND};
 use fleetcal_domain::limits;
 use fleetcal_domain::timestamp;
 use fleetcal_model::AuditId;
 use fleetcal_proto::audit_head::AuditHeadDocument;
 use fleetcal_proto::calibration::Envelope;
-use fleetcal_proto::signing::{
-    ENVELOPE_BYTES_MAX, EnvelopeRefused, PublicKey, TrustedKeys, TrustedKeysRefused,
-};
+use fleetcal_proto::signing::{ENVELOPE_BYTES_MAX, PublicKey};
 use fleetcal_store::{AuditBroken, AuditRow};
 use jiff::Timestamp;
 use serde::Deserialize;
@@ -73,6 +72,9 @@ pub struct Heads {
     /// The service's public key, from `GET /api/v1/signing-key`; may be repeated
     #[arg(long, value_name = "PUBLICKEY")]
     key: Vec<PublicKey>,
+    /// Changes of that key.
+    #[command(flatten)]
+    changes: ChangesArgument,
 }
 
 /// Finding in an audit, or in what it is checked against.
@@ -103,11 +105,8 @@ pub enum AuditFault {
         /// File of the head.
         head: PathBuf,
         /// The check that failed.
-        refused: EnvelopeRefused,
+        refused: String,
     },
-    /// The keys cannot be used.
-    #[error("--key: {0}")]
-    Keys(#[from] TrustedKeysRefused),
     /// A line of a file is no row.
     #[error("{}: line {line}: got {reason}, expected a row of the audit", path.display())]
     Line {
@@ -124,7 +123,6 @@ impl AuditFault {
     /// Returns the exit status of the program.
     pub fn exit_status(&self) -> u8 {
         match self {
-            Self::Keys(_) => EXIT_USAGE,
             Self::Line { .. } => EXIT_DATA,
             Self::Broken(_)
             | Self::Differs { .. }
@@ -143,12 +141,12 @@ impl Heads {
         if self.head.is_empty() {
             return Ok(Vec::new());
         }
-        let trusted = TrustedKeys::new(self.key.clone()).map_err(AuditFault::Keys)?;
-        self.head.iter().map(|path| head(path, &trusted)).collect()
+        let trust = self.changes.trust(&self.key)?;
+        self.head.iter().map(|path| head(path, &trust)).collect()
     }
 }
 
-fn head(path: &Path, trusted: &TrustedKeys) -> Result<Kept, CommandError> {
+fn head(path: &Path, trust: &Trust) -> Result<Kept, CommandError> {
     let mut text = Vec::new();
     let most = ENVELOPE_BYTES_MAX as u64 + 1;
     let read = File::open(path).and_then(|file| file.take(most).read_to_end(&mut text));
@@ -156,10 +154,10 @@ fn head(path: &Path, trusted: &TrustedKeys) -> Result<Kept, CommandError> {
         path: path.to_owned(),
         source,
     })?;
-    let opened = Envelope::from_json(&text).and_then(|envelope| envelope.open_as(trusted));
+    let opened = Envelope::from_json(&text).and_then(|envelope| envelope.open_as(&trust.trusted));
     let document = opened.map_err(|refused| AuditFault::Head {
         head: path.to_owned(),
-        refused,
+        refused: trust.in_words(&refused),
     })?;
     Ok((path.to_owned(), document))
 }

@@ -6,6 +6,7 @@ pub mod backup;
 pub mod check_config;
 pub mod completions;
 pub mod demo;
+pub mod key;
 pub mod man;
 mod passwords;
 pub mod restore;
@@ -27,6 +28,7 @@ use fleetcal_domain::access::{
     AccountRefused, GrantRefused, HashFailed, NameRefused, PasswordRefused,
 };
 use fleetcal_domain::robot::ValueRefused;
+use fleetcal_folder::signing_key::KeyError;
 use fleetcal_link::LinkError;
 use fleetcal_operations::entropy::NoEntropy;
 use fleetcal_proto::RobotId;
@@ -71,6 +73,8 @@ pub enum Command {
     Token(token::Arguments),
     /// Creates, lists and changes users, also while the service runs
     User(user::Arguments),
+    /// Replaces the signing key, without a robot that stands still
+    Key(key::Arguments),
     /// Shows whether rows of the audit were changed or removed
     Audit(audit::Arguments),
     /// Copies the database into a file, also while the service runs
@@ -98,7 +102,10 @@ pub enum Command {
 pub enum CommandError {
     /// A command that opens no data folder failed, or a step that all commands share.
     #[error(transparent)]
-    WithoutData(#[from] fleetcal_command::CommandError),
+    WithoutData(Box<fleetcal_command::CommandError>),
+    /// The signing key was not replaced.
+    #[error(transparent)]
+    Key(#[from] KeyError),
     /// The service could not be started.
     #[error(transparent)]
     Service(#[from] ServiceError),
@@ -184,7 +191,7 @@ macro_rules! from_without_data {
     ($($cause:ty),+) => {$(
         impl From<$cause> for CommandError {
             fn from(cause: $cause) -> Self {
-                Self::WithoutData(cause.into())
+                Self::WithoutData(Box::new(cause.into()))
             }
         }
     )+};
@@ -198,6 +205,12 @@ from_without_data!(
     TooManyRobots,
     ValueRefused
 );
+
+impl From<fleetcal_command::CommandError> for CommandError {
+    fn from(error: fleetcal_command::CommandError) -> Self {
+        Self::WithoutData(Box::new(error))
+    }
+}
 
 impl CommandError {
     /// Returns the exit status of the program.
@@ -238,7 +251,7 @@ impl CommandError {
             | Self::Passwords { .. }
             | Self::Identity { .. } => EXIT_USAGE,
             Self::Audit(fault) => fault.exit_status(),
-            Self::Service(_) | Self::Store(_) | Self::Database(_) => EXIT_IO,
+            Self::Key(_) | Self::Service(_) | Self::Store(_) | Self::Database(_) => EXIT_IO,
             Self::Hash(_) | Self::Entropy(_) => EXIT_FAILED,
         }
     }

@@ -16,7 +16,7 @@ pub struct Arguments {
     /// The data folder to make, or an empty one
     #[arg(long, value_name = "DIR")]
     pub data: PathBuf,
-    /// The former folder's `signing.key`; without it agents refuse documents of the restored service
+    /// The former folder's `signing.key`, with `signing.key.changes` beside it if there is one; without it agents refuse documents of the restored service
     /// until their `--service-key` names its new key
     #[arg(long, value_name = "FILE")]
     pub signing_key: Option<PathBuf>,

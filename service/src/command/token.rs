@@ -52,7 +52,7 @@ pub struct Create {
     #[arg(long, value_name = "ID")]
     pub robot: Option<RobotId>,
     /// Validity, such as 30d or 12h [default: unlimited]
-    #[arg(long, value_name = "SPAN", value_parser = span)]
+    #[arg(long, value_name = "SPAN", value_parser = validity)]
     pub expires: Option<Duration>,
 }
 
@@ -76,9 +76,12 @@ pub(super) fn role(name: &str) -> Result<Role, String> {
     })
 }
 
-/// Parses a span of time, with days of 24 hours.
-fn span(text: &str) -> Result<Duration, String> {
-    let max = limits::TOKEN_EXPIRES_MAX;
+fn validity(text: &str) -> Result<Duration, String> {
+    span(text, limits::TOKEN_EXPIRES_MAX)
+}
+
+/// Parses a span of time up to `max`, with days of 24 hours.
+pub(super) fn span(text: &str, max: Duration) -> Result<Duration, String> {
     let seconds = text.parse::<Span>().ok().and_then(|span| {
         span.total((Unit::Second, SpanRelativeTo::days_are_24_hours()))
             .ok()
@@ -179,10 +182,10 @@ mod tests {
 
     #[test]
     fn spans_are_read_with_their_unit() {
-        assert_eq!(span("30d"), Ok(Duration::from_hours(720)));
-        assert_eq!(span("12h"), Ok(Duration::from_hours(12)));
+        assert_eq!(validity("30d"), Ok(Duration::from_hours(720)));
+        assert_eq!(validity("12h"), Ok(Duration::from_hours(12)));
         for refused in ["", "30", "d", "-1d", "0s", "10000d", "1 month"] {
-            assert!(span(refused).is_err(), "{refused}");
+            assert!(validity(refused).is_err(), "{refused}");
         }
     }
 

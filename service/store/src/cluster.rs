@@ -28,6 +28,8 @@ pub struct Joining {
     pub config_sha256: Vec<u8>,
     /// Public half of the key that it signs documents with, which all instances must share.
     pub signing_key: String,
+    /// Public halves of the keys that it replaced, by changes that each of them has signed.
+    pub former_signing_keys: Vec<String>,
 }
 
 /// State of an instance at a renewal of its lease.

@@ -159,6 +159,15 @@ pub enum StoreError {
         /// Present version; 0 before the first configuration.
         found: Version,
     },
+    /// Full fleet: the robots would be more than it may have.
+    #[error(
+        "the fleet would have {robots} robots, expected {} at most",
+        limits::ROBOTS_MAX
+    )]
+    RobotsMax {
+        /// Number of configured robots that there would be.
+        robots: usize,
+    },
     /// Refused change of a user, session or token.
     #[error(transparent)]
     Account(#[from] AccountRefused),
@@ -182,6 +191,7 @@ impl StoreError {
         matches!(
             self,
             Self::VersionConflict { .. }
+                | Self::RobotsMax { .. }
                 | Self::KeyReused
                 | Self::Late
                 | Self::Fenced(_)

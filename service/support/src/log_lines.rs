@@ -10,18 +10,59 @@ use fleetcal_model::RobotId;
 /// Field by which a line names its robot.
 const FIELD: &str = "robot.id=";
 
-/// Lines of each robot, the oldest first. There is one log of a process, and so one of these.
-static LINES: Mutex<BTreeMap<RobotId, VecDeque<String>>> = Mutex::new(BTreeMap::new());
+/// Lines of this process's log.
+static LINES: Mutex<Lines> = Mutex::new(Lines {
+    robots: BTreeMap::new(),
+    last: 0,
+});
+
+/// Latest lines about robots.
+#[derive(Debug)]
+struct Lines {
+    robots: BTreeMap<RobotId, OfRobot>,
+    /// Number of the last line.
+    last: u64,
+}
+
+/// Latest lines about a robot.
+#[derive(Debug, Default)]
+struct OfRobot {
+    /// The lines, the oldest first.
+    lines: VecDeque<String>,
+    /// Number of the newest one.
+    newest: u64,
+}
+
+impl Lines {
+    /// Remembers a line. For that of a further robot beyond [`LOG_LINES_ROBOTS_MAX`], those of the
+    /// robot whose last line is the oldest are dropped.
+    fn add(&mut self, robot: RobotId, line: String) {
+        if !self.robots.contains_key(&robot) && self.robots.len() >= LOG_LINES_ROBOTS_MAX {
+            let oldest = self.robots.iter().min_by_key(|(_, of)| of.newest);
+            if let Some(oldest) = oldest.map(|(robot, _)| robot.clone()) {
+                self.robots.remove(&oldest);
+            }
+        }
+        self.last += 1;
+        let of_robot = self.robots.entry(robot).or_default();
+        if of_robot.lines.len() >= LOG_LINES_OF_ROBOT_MAX {
+            of_robot.lines.pop_front();
+        }
+        of_robot.lines.push_back(line);
+        of_robot.newest = self.last;
+    }
+}
 
 /// Returns the latest log lines about a robot, the oldest first.
 pub fn lines_of(robot: &RobotId) -> Vec<String> {
     let lines = lines();
-    lines.get(robot).into_iter().flatten().cloned().collect()
+    let of_robot = lines.robots.get(robot);
+    of_robot.map_or_else(Vec::new, |of| of.lines.iter().cloned().collect())
 }
 
 /// Locks the lines. They are whole after every statement, so the panic of another thread is no reason
 /// to stop.
-fn lines() -> MutexGuard<'static, BTreeMap<RobotId, VecDeque<String>>> {
+fn lines() -> MutexGuard<'static, Lines> {
     LINES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -47,15 +88,7 @@ fn remember(line: &str) {
     };
     let end = line.floor_char_boundary(LOG_LINE_BYTES_MAX);
     let line = line.get(..end).unwrap_or_default().to_owned();
-    let mut all = lines();
-    if !all.contains_key(&robot) && all.len() >= LOG_LINES_ROBOTS_MAX {
-        all.pop_first();
-    }
-    let of_robot = all.entry(robot).or_default();
-    if of_robot.len() >= LOG_LINES_OF_ROBOT_MAX {
-        of_robot.pop_front();
-    }
-    of_robot.push_back(line);
+    lines().add(robot, line);
 }
 
 /// Returns the robot that a line is about.
@@ -98,17 +131,23 @@ mod tests {
         writeln_whole(&mut log, coloured);
         let long = format!("robot.id=agv_9 {}", "ü".repeat(LOG_LINE_BYTES_MAX));
         writeln_whole(&mut log, &long);
-        let lines = of("agv_7");
-        assert_eq!(lines.len(), LOG_LINES_OF_ROBOT_MAX);
-        assert_eq!(lines[0], "WARN note 2 robot.id=agv_7 late=1");
+        let of_seven = of("agv_7");
+        assert_eq!(of_seven.len(), LOG_LINES_OF_ROBOT_MAX);
+        assert_eq!(of_seven[0], "WARN note 2 robot.id=agv_7 late=1");
         assert_eq!(of("agv_8"), ["WARN odd robot.id=agv_8"]);
         assert!(of("agv_9")[0].len() <= LOG_LINE_BYTES_MAX);
         assert_eq!(of("nobody"), [] as [String; 0]);
         assert!(String::from_utf8(written).unwrap().contains("INFO ready"));
-        for number in 0..LOG_LINES_ROBOTS_MAX {
+        // The alphabetically first one is the latest but one: it stays, and the oldest is dropped.
+        for number in 0..LOG_LINES_ROBOTS_MAX - 1 {
             remember(&format!("robot.id=b{number}"));
         }
-        assert!(lines().len() <= LOG_LINES_ROBOTS_MAX);
+        remember("robot.id=a robot that logs");
+        remember("robot.id=c");
+        assert_eq!(lines().robots.len(), LOG_LINES_ROBOTS_MAX);
+        assert_eq!(of("a"), ["robot.id=a robot that logs"]);
+        assert_eq!(of("b0"), [] as [String; 0]);
+        assert_eq!(of("b1"), ["robot.id=b1"]);
     }
 
     fn writeln_whole(log: &mut impl Write, line: &str) {

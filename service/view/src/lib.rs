@@ -6,6 +6,7 @@
 //!
 //! Pure: the clock is an argument; no I/O.
 
+mod folded;
 mod parse;
 mod properties;
 mod query;
@@ -13,6 +14,7 @@ mod sort;
 mod table;
 mod word;
 
+pub use folded::Folded;
 pub use parse::QueryRefused;
 pub use properties::Properties;
 pub use query::{Comparison, Condition, Measure, Query, Term, TimeUnit};

@@ -10,6 +10,7 @@ use fleetcal_model::VehicleModel;
 use strum::VariantArray;
 use thiserror::Error;
 
+use crate::folded::Folded;
 use crate::properties::OPTIONAL;
 use crate::query::{Comparison, Condition, Measure, Query, Term, TimeUnit};
 use crate::word::Word;
@@ -49,6 +50,11 @@ impl FromStr for Query {
         };
         let mut terms = Vec::new();
         while parser.skip_spaces() {
+            if terms.len() == limits::VIEW_QUERY_TERMS_MAX {
+                let max = limits::VIEW_QUERY_TERMS_MAX;
+                let from = parser.offset();
+                return Err(parser.refused(from, format!("at most {max} conditions")));
+            }
             terms.push(parser.term()?);
         }
         Ok(Self(terms))
@@ -125,13 +131,13 @@ impl Parser<'_> {
     fn condition(&mut self) -> Parsed<Condition> {
         let from = self.offset();
         if self.peek() == Some('"') {
-            return self.quoted().map(Condition::Text);
+            return self.quoted().map(|text| Condition::Text(text.into()));
         }
         let ends = |c: char| c.is_whitespace() || matches!(c, ':' | '<' | '>' | '"');
         let word = self.word(ends).to_owned();
         match self.peek() {
             Some(':' | '<' | '>') => self.qualified(&word, from),
-            _ => Ok(Condition::Text(word)),
+            _ => Ok(Condition::Text(word.into())),
         }
     }
 
@@ -157,7 +163,7 @@ impl Parser<'_> {
             let value = self.value()?;
             let value = match word {
                 Ok(word) => checked(word, value),
-                Err(_) => one_of(value, OPTIONAL),
+                Err(_) => one_of(&value, OPTIONAL),
             };
             values.push(value.map_err(|expected| self.refused(from, expected))?);
             if !self.take(',') {
@@ -165,7 +171,7 @@ impl Parser<'_> {
             }
         }
         Ok(match word {
-            Ok(word) => Condition::Has(word, values),
+            Ok(word) => Condition::Has(word, values.into_iter().map(Folded::from).collect()),
             Err(_) => Condition::Lacks(values),
         })
     }
@@ -259,18 +265,15 @@ fn duration(text: &str) -> Option<(u32, TimeUnit)> {
 fn checked(word: Word, value: String) -> Result<String, String> {
     match word {
         Word::Id | Word::Site | Word::Type | Word::Tag => Ok(value),
-        Word::Model => one_of(value, VehicleModel::ALL.iter().map(|one| one.name())),
-        Word::State => one_of(value, RobotState::ALL.iter().map(|one| one.name())),
-        Word::Standing => one_of(value, Standing::ALL.iter().map(|one| one.as_str())),
-        Word::Connection => one_of(value, ConnectionState::ALL.iter().map(|one| one.name())),
+        Word::Model => one_of(&value, VehicleModel::ALL.iter().map(|one| one.name())),
+        Word::State => one_of(&value, RobotState::ALL.iter().map(|one| one.name())),
+        Word::Standing => one_of(&value, Standing::ALL.iter().map(|one| one.as_str())),
+        Word::Connection => one_of(&value, ConnectionState::ALL.iter().map(|one| one.name())),
     }
 }
 
 /// Finds the value that a text names, in upper or lower case, with `_`, `-` or spaces.
-fn one_of(
-    value: String,
-    accepted: impl IntoIterator<Item = &'static str>,
-) -> Result<String, String> {
+fn one_of(value: &str, accepted: impl IntoIterator<Item = &'static str>) -> Result<String, String> {
     let wanted = value.to_lowercase().replace(['-', ' '], "_");
     let accepted: Vec<&str> = accepted.into_iter().collect();
     if accepted.contains(&wanted.as_str()) {

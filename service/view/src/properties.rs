@@ -6,8 +6,6 @@ use fleetcal_domain::robot::{ConnectionState, RobotState, RobotView};
 use fleetcal_domain::standing::Standing;
 use fleetcal_model::{Label, VehicleModel, WallTime};
 
-use crate::word::Word;
-
 /// Properties that a robot may lack, as `no:` names them.
 pub(crate) const OPTIONAL: [&str; 6] = ["site", "type", "tag", "model", "deviation", "age"];
 
@@ -72,25 +70,6 @@ impl<'a> Properties<'a> {
             ConnectionState::Online => !self.is_stale,
             ConnectionState::Silent => self.is_stale && !self.in_maintenance,
             ConnectionState::Maintenance => self.in_maintenance,
-        }
-    }
-
-    /// True if a property is this value, in upper or lower case.
-    pub(crate) fn has(&self, word: Word, value: &str) -> bool {
-        let wanted = value.to_lowercase();
-        let is_label = |label: &Label| label.folded() == wanted;
-        match word {
-            Word::Id => self.id.to_lowercase() == wanted,
-            Word::Site => self.site.is_some_and(is_label),
-            Word::Type => self.vehicle_type.is_some_and(is_label),
-            Word::Tag => self.tags.iter().any(is_label),
-            Word::Model => self.model.is_some_and(|model| model.name() == wanted),
-            Word::State => self.state.name() == wanted,
-            Word::Standing => self.standing.as_str() == wanted,
-            Word::Connection => {
-                let mut all = ConnectionState::ALL.iter();
-                all.any(|state| state.name() == wanted && self.is_connected(*state))
-            }
         }
     }
 

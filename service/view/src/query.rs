@@ -4,6 +4,7 @@ use std::fmt::{self, Write};
 
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
+use crate::folded::{Folded, FoldedProperties};
 use crate::properties::Properties;
 use crate::word::Word;
 
@@ -24,9 +25,9 @@ pub struct Term {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Condition {
     /// Part of the robot's id, in upper or lower case.
-    Text(String),
+    Text(Folded),
     /// Property that has one of some values.
-    Has(Word, Vec<String>),
+    Has(Word, Vec<Folded>),
     /// Property that is not known: one of some.
     Lacks(Vec<String>),
     /// Deviation compared with a number of tolerances.
@@ -117,17 +118,17 @@ impl TimeUnit {
 impl Query {
     /// True if a robot meets every condition.
     pub fn selects(&self, robot: &Properties) -> bool {
-        self.0
-            .iter()
-            .all(|term| term.condition.holds(robot) != term.is_negated)
+        let folded = FoldedProperties::of(robot);
+        let mut terms = self.0.iter();
+        terms.all(|term| term.condition.holds(robot, &folded) != term.is_negated)
     }
 }
 
 impl Condition {
-    fn holds(&self, robot: &Properties) -> bool {
+    fn holds(&self, robot: &Properties, folded: &FoldedProperties) -> bool {
         match self {
-            Self::Text(text) => robot.id.to_lowercase().contains(&text.to_lowercase()),
-            Self::Has(word, values) => values.iter().any(|value| robot.has(*word, value)),
+            Self::Text(text) => folded.id.contains(text.folded()),
+            Self::Has(word, values) => values.iter().any(|value| folded.has(*word, value)),
             Self::Lacks(names) => names.iter().any(|name| robot.lacks(name)),
             Self::Deviation(comparison, than) => {
                 let deviation = robot.deviation;
@@ -161,11 +162,14 @@ impl fmt::Display for Term {
         }
         match &self.condition {
             Condition::Text(text) => {
+                let text = text.as_str();
                 let is_plain = !text.starts_with('-') && !text.contains([':', '<', '>']);
                 write_value(f, text, is_plain)
             }
-            Condition::Has(word, values) => write_values(f, word.name(), values),
-            Condition::Lacks(names) => write_values(f, "no", names),
+            Condition::Has(word, values) => {
+                write_values(f, word.name(), values.iter().map(Folded::as_str))
+            }
+            Condition::Lacks(names) => write_values(f, "no", names.iter().map(String::as_str)),
             Condition::Deviation(comparison, than) => {
                 write!(f, "deviation{}{than}", comparison.sign())
             }
@@ -176,9 +180,13 @@ impl fmt::Display for Term {
     }
 }
 
-fn write_values(f: &mut fmt::Formatter<'_>, name: &str, values: &[String]) -> fmt::Result {
+fn write_values<'v>(
+    f: &mut fmt::Formatter<'_>,
+    name: &str,
+    values: impl Iterator<Item = &'v str>,
+) -> fmt::Result {
     f.write_str(name)?;
-    for (index, value) in values.iter().enumerate() {
+    for (index, value) in values.enumerate() {
         f.write_char(if index == 0 { ':' } else { ',' })?;
         write_value(f, value, true)?;
     }

@@ -3,7 +3,7 @@
 use fleetcal_domain::deviation::Deviation;
 use fleetcal_domain::robot::{ConnectionState, RobotView};
 use fleetcal_domain::timestamp;
-use fleetcal_model::{Parameter, ParameterStatus};
+use fleetcal_model::{Label, Parameter, ParameterStatus, VehicleModel};
 
 use crate::properties::Properties;
 
@@ -34,7 +34,7 @@ pub fn fields(
     deviation: Option<Deviation>,
 ) -> [String; COLUMNS.len()] {
     let text = |known: Option<&str>| known.unwrap_or_default().to_owned();
-    let tags: Vec<&str> = robot.tags.iter().map(|tag| tag.as_str()).collect();
+    let tags: Vec<&str> = robot.tags.iter().map(Label::as_str).collect();
     let converged = |name: Parameter| {
         let parameter = view.estimate.as_deref()?.parameters.get(name);
         (parameter.status == ParameterStatus::Converged).then(|| parameter.value.to_string())
@@ -42,10 +42,10 @@ pub fn fields(
     let converged = |name| converged(name).unwrap_or_default();
     [
         robot.id.to_owned(),
-        text(robot.site.map(|label| label.as_str())),
-        text(robot.vehicle_type.map(|label| label.as_str())),
+        text(robot.site.map(Label::as_str)),
+        text(robot.vehicle_type.map(Label::as_str)),
         tags.join("; "),
-        text(robot.model.map(|model| model.name())),
+        text(robot.model.map(VehicleModel::name)),
         robot.state.name().to_owned(),
         robot.standing.as_str().to_owned(),
         ConnectionState::of(robot.is_stale, false).name().to_owned(),

@@ -104,7 +104,7 @@ async fn a_robot_of_every_layout_gets_the_numbers_of_a_plain_one() {
     assert_eq!(odom["type"], "nav_msgs/msg/Odometry");
     assert_eq!(
         odom["suited_for"],
-        serde_json::json!(["speed", "lidar_odometry"])
+        serde_json::json!(["wheel_odometry", "speed", "lidar_odometry"])
     );
     assert_eq!(scan["suited_for"], serde_json::json!(["scan"]));
     let streams = r#""streams": {"steering": {"topic": "joint_states"}, "speed": {"topic": "odom"},

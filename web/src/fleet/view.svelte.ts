@@ -29,12 +29,10 @@ export function queryOf({ text, state, connection }: Filter): string {
   return [text, ...chosen].filter(Boolean).join(' ');
 }
 
-/** Returns the parameters of a view in the API. */
-export function viewQuery(q: string, sort: string): string {
-  const query = new URLSearchParams();
-  if (q !== '') query.set('q', q);
-  if (sort !== '') query.set('sort', sort);
-  return query.toString();
+/** Returns the parameters of a view in the API, without those that are empty. */
+export function viewQuery(q: string, sort: string, format = ''): string {
+  const given = Object.entries({ q, sort, format }).filter(([, value]) => value !== '');
+  return new URLSearchParams(given).toString();
 }
 
 /** Returns a condition that a property has this value. */

@@ -79,7 +79,9 @@ export function prefill(described: DescribedRobot): Prefill {
     sources: [],
     rest: (described.proposed as Partial<RobotConfig> | null) ?? {},
   };
-  if (model?.value === 'bicycle' || model?.value === 'tricycle') filled.model = model.value;
+  const models = ['bicycle', 'tricycle', 'rear_steered'] as const;
+  const known = models.find((name) => name === model?.value);
+  if (known) filled.model = known;
   if (typeof wheelbase?.value === 'number') filled.wheelbase = String(wheelbase.value);
   for (const one of values) {
     if (one.key !== 'track_m')

@@ -2,7 +2,7 @@
 
 mod state;
 
-use fleetcal_model::{Pose2, RobotTime, Stream, VehicleModel};
+use fleetcal_model::{Pose2, RobotTime, SpeedMeasuredAt, Stream, VehicleModel};
 use fleetcal_odometry::Scan;
 use fleetcal_odometry::lidar_odometry::{OdometryPose, Tracking};
 
@@ -41,6 +41,8 @@ const MISSING_AFTER_S: f64 = 10.0;
 pub struct Described {
     /// Its steering geometry.
     pub model: VehicleModel,
+    /// Place where its speed is measured.
+    pub speed_measured_at: SpeedMeasuredAt,
     /// Distance between the axles, m.
     pub wheelbase_m: f64,
     /// Yaw of the LiDAR by the drawing, rad, where there is one.
@@ -150,8 +152,9 @@ impl Checks {
                 self.grid.forget_steering();
             }
             if let Some(time_s) = self.grid_time_s(head.stamp) {
-                self.grid
-                    .take(Channel::Steering, time_s, self.wrap.unwrapped(angle));
+                // The checks know one geometry: of a wheel behind, the angle that a wheel in front has.
+                let ahead_rad = self.described.model.steered_ahead() * self.wrap.unwrapped(angle);
+                self.grid.take(Channel::Steering, time_s, ahead_rad);
             }
         }
         if self.wheels_way_m > self.looked_wheels_way_m + LOOK_EVERY_WHEELS_M {
@@ -407,7 +410,7 @@ impl Checks {
             return;
         };
         let known = Known {
-            model: self.described.model,
+            is_at_steered_wheel: self.described.speed_measured_at == SpeedMeasuredAt::SteeredWheel,
             wheelbase_m: self.described.wheelbase_m,
             nominal_yaw_rad: self.described.nominal_yaw_rad,
             aligned_s: self.aligned_s.unwrap_or_default(),

@@ -1,7 +1,6 @@
 //! State of a check that names no cause.
 
 use fleetcal_model::Stream;
-use fleetcal_model::VehicleModel;
 
 use super::Checks;
 use crate::cause::Check;
@@ -67,9 +66,9 @@ impl Checks {
                 Some(of) if of.both_sides => ok(String::new()),
                 _ => not_yet("turn to the left and to the right"),
             },
-            Check::Model => match motion.and_then(Motion::model) {
-                Some(VehicleModel::Bicycle) => ok("speed of the fixed axle".to_owned()),
-                Some(VehicleModel::Tricycle) => ok("speed of the steered wheel".to_owned()),
+            Check::Model => match motion.and_then(Motion::is_at_steered_wheel) {
+                Some(true) => ok("speed of the steered wheel".to_owned()),
+                Some(false) => ok("speed of the fixed axle".to_owned()),
                 None => not_yet("drive narrow turns"),
             },
             Check::Delay => {

@@ -15,6 +15,7 @@ impl Case {
         Self {
             checks: Checks::new(Described {
                 model: VehicleModel::Bicycle,
+                speed_measured_at: SpeedMeasuredAt::RearAxle,
                 wheelbase_m: 1.2,
                 nominal_yaw_rad: None,
             }),
@@ -96,4 +97,54 @@ fn a_pose_that_is_no_number_spoils_nothing() {
     case.checks.take_pose(&head, pose, 0.0);
     case.send(&both, 5);
     assert!(case.checks.way_m().is_finite());
+}
+
+/// Names what is wrong with a vehicle of a wheelbase of 1.2 m that drives bends to both sides,
+/// mostly backwards, with its steered wheel behind the fixed axle or before it.
+fn causes_of(model: VehicleModel, is_behind: bool) -> Vec<Cause> {
+    let mut checks = Checks::new(Described {
+        model,
+        speed_measured_at: SpeedMeasuredAt::RearAxle,
+        wheelbase_m: 1.2,
+        nominal_yaw_rad: None,
+    });
+    let (mut x_m, mut y_m, mut yaw_rad) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for tick in 0..9_000_i64 {
+        let time_s = tick as f64 * 0.01;
+        let speed_mps = -0.9 + 0.3 * (time_s / 7.0).sin();
+        let wheel_rad = 0.4 * (time_s / 2.5).sin();
+        // A wheel at (at, 0) moves along (v, at w).
+        let at_m = if is_behind { -1.2 } else { 1.2 };
+        let yaw_rate_radps = speed_mps * wheel_rad.tan() / at_m;
+        x_m += 0.01 * speed_mps * yaw_rad.cos();
+        y_m += 0.01 * speed_mps * yaw_rad.sin();
+        yaw_rad += 0.01 * yaw_rate_radps;
+        let stamp = RobotTime(1_000 * S_NS + tick * S_NS / 100);
+        let head = |stream| Head {
+            stream,
+            stamp,
+            frame: "",
+            arrival_ns: stamp.0,
+        };
+        if tick % 2 == 0 {
+            let head = head(Stream::WheelOdometry);
+            checks.take_wheels(&head, Some(speed_mps), Some(wheel_rad));
+        }
+        if tick % 10 == 0 {
+            let lidar_in_base = Pose2::new(-0.3, 0.05, 0.02);
+            let pose = Pose2::new(x_m, y_m, yaw_rad).compose(&lidar_in_base);
+            checks.take_pose(&head(Stream::LidarOdometry), pose, 0.0);
+        }
+    }
+    let findings = checks.findings().into_iter();
+    findings.filter_map(|finding| finding.cause).collect()
+}
+
+#[test]
+fn a_steered_axle_at_the_other_end_than_described_is_named() {
+    let sign = [Cause::SteeringSign];
+    assert_eq!(causes_of(VehicleModel::RearSteered, true), []);
+    assert_eq!(causes_of(VehicleModel::Bicycle, false), []);
+    assert_eq!(causes_of(VehicleModel::Bicycle, true), sign);
+    assert_eq!(causes_of(VehicleModel::RearSteered, false), sign);
 }

@@ -4,15 +4,14 @@ mod clocks;
 mod speed;
 mod steering;
 
-use fleetcal_model::VehicleModel;
-
 use crate::finding::Suspicion;
 use crate::motion::Motion;
 
 /// Facts beside the motion.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Known {
-    pub model: VehicleModel,
+    /// `true` if the speed is described as that of the steered wheel.
+    pub is_at_steered_wheel: bool,
     pub wheelbase_m: f64,
     /// Yaw by the drawing, rad, where there is one.
     pub nominal_yaw_rad: Option<f64>,

@@ -1,7 +1,5 @@
 //! Unit, sign and zero of the steering angle, wheelbase, model and delays, by the second equation.
 
-use fleetcal_model::VehicleModel;
-
 use super::Known;
 use crate::cause::Cause;
 use crate::curve::Curve;
@@ -156,23 +154,24 @@ fn zero_deg(motion: &Motion, steering: &Steering) -> Option<f64> {
 fn model(motion: &Motion, known: &Known) -> Option<Suspicion> {
     let mount = motion.mount?;
     let (axle, wheel) = (1e3 * mount.residual_axle, 1e3 * mount.residual_wheel);
-    let model = motion.model()?;
-    if model == known.model {
+    let is_at_steered_wheel = motion.is_at_steered_wheel()?;
+    if is_at_steered_wheel == known.is_at_steered_wheel {
         return None;
     }
-    Some(match model {
-        VehicleModel::Tricycle => Suspicion::new(
+    Some(if is_at_steered_wheel {
+        Suspicion::new(
             Cause::Tricycle,
             format!(
                 "the speed is that of the steered wheel: it leaves {wheel:.0} mm/s, the fixed axle's {axle:.0}"
             ),
-        ),
-        VehicleModel::Bicycle => Suspicion::new(
+        )
+    } else {
+        Suspicion::new(
             Cause::Bicycle,
             format!(
                 "the speed is that of the fixed axle: it leaves {axle:.0} mm/s, the steered wheel's {wheel:.0}"
             ),
-        ),
+        )
     })
 }
 

@@ -55,16 +55,14 @@ impl Agent {
         })]
     }
 
-    /// Logs the reason for rejecting a confirmation, no more often than a refusal.
-    pub(super) fn disbelieve(&mut self, reason: &str, now: RobotTime) -> Vec<Effect> {
+    /// Logs the reason for rejecting a signed message, no more often than a refusal.
+    pub(super) fn disbelieve(&mut self, what: &str, reason: &str, now: RobotTime) -> Vec<Effect> {
         let said = self.disbelieved_ns;
         if said.is_some_and(|at_ns| now < at_ns.plus(SAME_REFUSAL)) {
             return Vec::new();
         }
         self.disbelieved_ns = Some(now);
-        vec![Effect::Note(format!(
-            "a confirmation is not believed: {reason}"
-        ))]
+        vec![Effect::Note(format!("{what} is not believed: {reason}"))]
     }
 
     /// Acknowledges a signed document with a final decision.

@@ -5,14 +5,17 @@
 
 mod answers;
 mod applying;
+mod key_changes;
 
 use std::time::Duration;
 
 use fleetcal_model::RobotTime;
 use fleetcal_proto::calibration::{AppliedStatus, Confirmed};
 use fleetcal_proto::offer::{Offered, Question};
+use fleetcal_proto::signing::TrustedKeys;
 
 use super::event::{Effect, Event, TransitionRefused};
+use super::keys::with_remedy;
 use super::offer::{Identity, Refusal, Verdict, judge};
 use super::state::{Memory, Phase, Rest, Trial};
 
@@ -24,7 +27,10 @@ const ASK_PAUSE: Duration = Duration::from_secs(1);
 /// State machine of a robot's side of the life cycle.
 #[derive(Debug, Clone)]
 pub struct Agent {
+    /// Its identity, with the keys that it trusts now.
     identity: Identity,
+    /// Keys that it was given.
+    given: TrustedKeys,
     memory: Memory,
     /// True if a document came while another one was being handled.
     pull_after: bool,
@@ -35,14 +41,15 @@ pub struct Agent {
     restore_again_ns: Option<RobotTime>,
     repeat_at_ns: RobotTime,
     last_refusal: Option<(Refusal, RobotTime)>,
-    /// Time of the last logged rejection of a confirmation.
+    /// Time of the last logged rejection of a confirmation or of a change of key.
     disbelieved_ns: Option<RobotTime>,
 }
 
 impl Agent {
     /// Makes an agent that continues from `memory`. Its first event is [`Event::Restarted`].
     pub fn new(identity: Identity, memory: Memory) -> Self {
-        Self {
+        let mut agent = Self {
+            given: identity.trusted.clone(),
             identity,
             memory,
             pull_after: false,
@@ -52,7 +59,9 @@ impl Agent {
             repeat_at_ns: RobotTime::default(),
             last_refusal: None,
             disbelieved_ns: None,
-        }
+        };
+        agent.begin_with_keys();
+        agent
     }
 
     /// Returns its memory, to be stored before the effects of a step are performed.
@@ -66,6 +75,7 @@ impl Agent {
     /// The event cannot happen in this phase; nothing has changed then.
     pub fn step(&mut self, event: Event, now: RobotTime) -> Result<Vec<Effect>, TransitionRefused> {
         let refused = TransitionRefused::new(&event, &self.memory.phase);
+        self.expire_keys(&event, now);
         match (event, self.memory.phase.clone()) {
             (Event::Restarted { written }, phase) => Ok(self.resume(phase, written, now)),
             (Event::Offered { offered, answers }, Phase::Resting(rest)) => {
@@ -76,6 +86,7 @@ impl Agent {
                 Ok(Vec::new())
             }
             (Event::Confirmed(confirmed), _) => Ok(self.confirmed(&confirmed, now)),
+            (Event::KeyChanged(changes), _) => Ok(self.key_changed(&changes, now)),
             (Event::ServiceUp, _) => Ok(self.report(now)),
             (Event::Tick, phase) => Ok(self.tick(phase, now)),
             (Event::HookAnswered(answer), Phase::Asking { offer, rest }) => {
@@ -208,9 +219,10 @@ impl Agent {
         let stored = match confirmed.open(&self.identity.trusted) {
             Ok(stored) if stored.robot == self.identity.robot => stored,
             Ok(stored) => {
-                return self.disbelieve(&format!("it is about {}", stored.robot), now);
+                let reason = format!("it is about {}", stored.robot);
+                return self.disbelieve("a confirmation", &reason, now);
             }
-            Err(error) => return self.disbelieve(&error.to_string(), now),
+            Err(error) => return self.disbelieve("a confirmation", &with_remedy(&error), now),
         };
         self.memory
             .unstored

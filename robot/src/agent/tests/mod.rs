@@ -1,6 +1,7 @@
 //! The agent alone, then over a real router.
 
 mod instances;
+mod key_changes;
 mod replays;
 mod restarts;
 mod sequences;

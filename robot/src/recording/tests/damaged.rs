@@ -31,6 +31,8 @@ fn files_that_are_no_recording_are_refused() {
     refused(&path, "no MCAP file", 65);
     std::fs::write(&path, &mcap::MAGIC[..4]).unwrap();
     refused(&path, "no MCAP file", 65);
+    std::fs::write(&path, b"#ROSBAG V2.0\nE\0\0\0").unwrap();
+    refused(&path, "rosbags-convert --src ", 65);
     std::fs::write(&path, mcap::MAGIC).unwrap();
     refused(&path, "truncated", 65);
     let robot = RobotId::parse("a").unwrap();
@@ -105,4 +107,21 @@ fn spoilt_files_never_panic() {
         }
     }
     assert!(refusals > 1500, "only {refusals} were refused");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_refused_instead_of_waited_for() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("pipe.mcap");
+    let made = std::process::Command::new("mkfifo").arg(&path).status();
+    assert!(made.unwrap().success());
+    let (sender, receiver) = std::sync::mpsc::channel();
+    std::thread::spawn(move || sender.send(Recording::open(&path).map(drop)));
+    let opened = receiver.recv_timeout(std::time::Duration::from_secs(20));
+    let refused = opened.unwrap().unwrap_err();
+    assert!(
+        matches!(refused, RecordingError::NoRecording { .. }),
+        "{refused}"
+    );
 }

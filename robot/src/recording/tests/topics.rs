@@ -1,5 +1,6 @@
 use fleetcal_proto::ros::{
     AckermannDriveStamped, JointState, LaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
+    SteeringReport, VelocityReport,
 };
 
 use super::*;
@@ -273,4 +274,13 @@ fn halves_that_cannot_be_are_named() {
         sentence(&three)
             .contains("--wheel-odometry-topic and streams.steering and streams.speed are")
     );
+}
+
+#[test]
+fn reports_of_autoware_are_found_by_their_types() {
+    let steering = channel("/vehicle/status/steering_status", SteeringReport::TYPE);
+    let speed = channel("/vehicle/status/velocity_status", VelocityReport::TYPE);
+    let topics = chosen(&[speed.clone(), scan_on("/scan"), steering.clone()], NONE);
+    let halves = ChosenWheelOdometry::Halves { steering, speed };
+    assert_eq!(topics.wheel_odometry, halves);
 }

@@ -8,6 +8,8 @@ use utoipa_axum::routes;
 
 use super::ApiState;
 
+pub(super) use one::{AcknowledgementBody, acknowledge};
+
 /// Routes of alerts.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()

@@ -3,7 +3,7 @@
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
-use fleetcal_domain::alert::{AlertDocument, AlertRefused, ConditionName, Named};
+use fleetcal_domain::alert::{Alert, AlertDocument, AlertRefused, ConditionName, Named};
 use fleetcal_domain::limits;
 use fleetcal_model::{AlertId, Version};
 use fleetcal_store::{AlertMoment, StoreError};
@@ -89,10 +89,10 @@ pub(super) async fn get_alert(
 }
 
 /// Acknowledgement of an alert.
-#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Deserialize, utoipa::ToSchema)]
 #[schema(as = AcknowledgementRequest)]
 #[serde(deny_unknown_fields)]
-pub(super) struct AcknowledgementBody {
+pub(crate) struct AcknowledgementBody {
     /// Note of the person, at most 1000 characters.
     #[serde(default)]
     #[schema(max_length = 1000)]
@@ -129,16 +129,29 @@ pub(super) async fn acknowledge_alert(
 ) -> Result<Response, Problem> {
     let id = alert_number(&id)?;
     let version = expected_version(&headers)?;
-    let note = value.note.filter(|note| !note.trim().is_empty());
+    let alerts = acknowledge(&api, &caller, &[(id, version)], value).await?;
+    let alert = alerts.first().ok_or_else(Problem::panicked)?;
+    let document = AlertDocument::of(alert);
+    Ok(versioned_json(StatusCode::OK, alert.version, document))
+}
+
+/// Acknowledges the versions of alerts that the caller read, all or none.
+pub(crate) async fn acknowledge(
+    api: &ApiState,
+    caller: &Caller,
+    alerts: &[(AlertId, Version)],
+    body: AcknowledgementBody,
+) -> Result<Vec<Alert>, Problem> {
+    let note = body.note.filter(|note| !note.trim().is_empty());
     check_length(
         "note",
         note.as_deref().unwrap_or(""),
         limits::NOTE_CHARS_MAX,
     )?;
-    let done = api.evaluator.acknowledge(id, version, caller.actor, note);
-    let alert = done.await?;
-    let document = AlertDocument::of(&alert);
-    Ok(versioned_json(StatusCode::OK, alert.version, document))
+    let acknowledged = api
+        .evaluator
+        .acknowledge(alerts, &caller.actor, note.as_deref());
+    Ok(acknowledged.await?)
 }
 
 fn alert_number(id: &str) -> Result<AlertId, Problem> {

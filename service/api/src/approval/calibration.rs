@@ -6,7 +6,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::access::Role;
 use fleetcal_proto::RobotId;
-use fleetcal_proto::calibration::{Applied, Confirmed};
+use fleetcal_proto::calibration::{Applied, Confirmed, Envelope};
 use fleetcal_proto::offer::{Offered, Question};
 use serde::{Deserialize, Serialize};
 
@@ -119,6 +119,8 @@ pub(super) struct SigningKeyDocument {
     algorithm: &'static str,
     /// Base64 of the key's 32 bytes, for the agent's configuration.
     public_key: String,
+    /// Changes that led to this key, oldest first: texts of schema `fleetcal.key_change/1`.
+    changes: Vec<Envelope>,
 }
 
 /// Returns the public half of the key that signs calibrations.
@@ -135,5 +137,6 @@ pub(super) async fn get_signing_key(
         key_id: key.id(),
         algorithm: "Ed25519",
         public_key: key.to_string(),
+        changes: api.lifecycle.key_changes().envelopes(),
     }))
 }

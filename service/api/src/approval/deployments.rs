@@ -10,7 +10,6 @@ use fleetcal_proto::RobotId;
 use futures::FutureExt;
 use serde::{Deserialize, Serialize};
 
-use super::document::{DeploymentDocument, ShadowDocument};
 use super::proposals::ReasonBody;
 use crate::ApiState;
 use crate::access::Caller;
@@ -19,6 +18,7 @@ use crate::extract::{Body, NoParameters, Parameters, RobotPath, check_length, nu
 use crate::listing::{self, Rows, number};
 use crate::page::page_limit;
 use crate::problem::Problem;
+use fleetcal_documents::{DeploymentDocument, ShadowDocument};
 
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]

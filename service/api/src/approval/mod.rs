@@ -3,7 +3,6 @@
 mod audit;
 mod calibration;
 mod deployments;
-mod document;
 mod freeze;
 mod policy;
 mod proposals;
@@ -14,8 +13,10 @@ use utoipa_axum::routes;
 
 use super::ApiState;
 
-pub(super) use document::CalibrationSummary;
-pub(super) use proposals::robot_named;
+pub(super) use fleetcal_documents::CalibrationSummary;
+pub(super) use proposals::{
+    NewProposalDocument, ReasonBody, close, propose, required_key, robot_named, robot_of,
+};
 
 pub(crate) use deployments::shadow_of;
 

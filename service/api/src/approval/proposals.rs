@@ -12,11 +12,10 @@ use fleetcal_model::{Generation, ProposalId, Version};
 use fleetcal_operations::lifecycle::Decided;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
-use fleetcal_store::{ProposalFilter, StoreError};
+use fleetcal_store::{IdempotencyKey, ProposalFilter, StoreError};
 use futures::FutureExt;
 use serde::{Deserialize, Serialize};
 
-use super::document::{Beside, ProposalDocument};
 use crate::ApiState;
 use crate::access::Caller;
 use crate::etag::{expected_version, versioned_json};
@@ -24,6 +23,7 @@ use crate::extract::{Body, NoParameters, Parameters, check_length, idempotency_k
 use crate::listing::{self, Numbered, Rows, number};
 use crate::page::page_limit;
 use crate::problem::Problem;
+use fleetcal_documents::{Beside, ProposalDocument};
 
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
@@ -101,15 +101,15 @@ async fn documents(
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = NewProposal)]
 #[serde(deny_unknown_fields)]
-pub(super) struct NewProposalDocument {
+pub(crate) struct NewProposalDocument {
     /// Robot that it is for.
-    robot: RobotId,
+    pub(crate) robot: RobotId,
     /// Values, absolute; those of the robot's latest estimate unless given.
     #[serde(default)]
-    values: Option<CalibrationValues>,
+    pub(crate) values: Option<CalibrationValues>,
     /// Reason for the proposal, at most 1000 characters.
     #[schema(max_length = 1000)]
-    reason: String,
+    pub(crate) reason: String,
 }
 
 /// Proposes a calibration: the robot's latest estimate, or values from elsewhere.
@@ -137,22 +137,41 @@ pub(super) async fn post_proposal(
     headers: HeaderMap,
     Body { value, sha256 }: Body<NewProposalDocument>,
 ) -> Result<Response, Problem> {
-    let key = idempotency_key(&headers, sha256)?.ok_or_else(|| {
+    let key = required_key(&headers, sha256)?;
+    let id = propose(&api, &caller, &value, key).await?;
+    answer(&api, id, StatusCode::CREATED).await
+}
+
+/// Returns the `Idempotency-Key` of a request that proposes.
+pub(crate) fn required_key(
+    headers: &HeaderMap,
+    sha256: [u8; 32],
+) -> Result<IdempotencyKey, Problem> {
+    idempotency_key(headers, sha256)?.ok_or_else(|| {
         let detail = "send an Idempotency-Key, the same for each repetition of this request";
         let status = StatusCode::PRECONDITION_REQUIRED;
         Problem::new(status, "precondition_required", detail).of_field("Idempotency-Key")
-    })?;
+    })
+}
+
+/// Proposes a calibration; returns the number of the proposal.
+pub(crate) async fn propose(
+    api: &ApiState,
+    caller: &Caller,
+    value: &NewProposalDocument,
+    key: IdempotencyKey,
+) -> Result<ProposalId, Problem> {
     check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
-    let command = proposed(&api, &value)?;
-    let decided = api
+    let command = proposed(api, value)?;
+    let actor = caller.actor.clone();
+    let deciding = api
         .lifecycle
-        .decide(&value.robot, command, caller.actor, Some(key))
-        .await?;
-    let id = match decided {
+        .decide(&value.robot, command, actor, Some(key));
+    let id = match deciding.await? {
         Decided::Taken(outcome) => outcome.proposals.last().map(|proposal| proposal.id),
         Decided::Repeated(proposal) => Some(proposal.id),
     };
-    answer(&api, id.unwrap_or_default(), StatusCode::CREATED).await
+    Ok(id.unwrap_or_default())
 }
 
 fn proposed(api: &ApiState, value: &NewProposalDocument) -> Result<Command, Problem> {
@@ -220,13 +239,13 @@ pub(super) struct ApprovalBody {
 }
 
 /// Rejection, withdrawal or roll-back with its reason.
-#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Deserialize, utoipa::ToSchema)]
 #[schema(as = ReasonGiven)]
 #[serde(deny_unknown_fields)]
-pub(super) struct ReasonBody {
+pub(crate) struct ReasonBody {
     /// Reason, 1 to 1000 characters.
     #[schema(min_length = 1, max_length = 1000)]
-    pub(super) reason: String,
+    pub(crate) reason: String,
 }
 
 /// Approves a proposal.
@@ -350,18 +369,28 @@ async fn decide(
     command: impl FnOnce(ProposalId, Option<Version>) -> Command,
 ) -> Result<Response, Problem> {
     let version = Some(expected_version(headers)?);
-    check_length("reason", reason, limits::NOTE_CHARS_MAX)?;
     let id = proposal_number(id)?;
-    let robot = robot_of(api, id).await?;
-    let command = command(id, version);
-    api.lifecycle
-        .decide(&robot, command, caller.actor, None)
-        .await?;
+    close(api, &caller, id, reason, command(id, version)).await?;
     answer(api, id, StatusCode::OK).await
 }
 
+/// Decides on a proposal by `command`, which has the caller's `reason`.
+pub(crate) async fn close(
+    api: &ApiState,
+    caller: &Caller,
+    id: ProposalId,
+    reason: &str,
+    command: Command,
+) -> Result<(), Problem> {
+    check_length("reason", reason, limits::NOTE_CHARS_MAX)?;
+    let robot = robot_of(api, id).await?;
+    let actor = caller.actor.clone();
+    api.lifecycle.decide(&robot, command, actor, None).await?;
+    Ok(())
+}
+
 /// Robot of a proposal.
-pub(super) async fn robot_of(api: &ApiState, proposal: ProposalId) -> Result<RobotId, Problem> {
+pub(crate) async fn robot_of(api: &ApiState, proposal: ProposalId) -> Result<RobotId, Problem> {
     let found = api.store.proposal(proposal).await?;
     let (proposal, _) = found.ok_or_else(|| unknown(proposal))?;
     Ok(proposal.robot)

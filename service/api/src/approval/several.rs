@@ -8,11 +8,11 @@ use fleetcal_domain::limits;
 use fleetcal_model::{ProposalId, Version};
 use fleetcal_operations::lifecycle::Decided;
 use serde::{Deserialize, Serialize};
-use tokio::time::Instant;
 
 use super::proposals::robot_of;
 use crate::ApiState;
 use crate::access::{Caller, count_writes};
+use crate::each::each;
 use crate::extract::{Body, NoParameters, Parameters, check_length};
 use crate::problem::Problem;
 
@@ -65,7 +65,7 @@ struct SeveralOutcome {
 /// Approves several proposals, each decided on its own.
 ///
 /// A refused approval does not affect the others. If the database is slow, approvals whose turn
-/// does not come in time have the problem `not_tried`, and the one under way `outcome_unknown`.
+/// does not come in time have the problem `not_tried`, and those under way `outcome_unknown`.
 #[utoipa::path(
     post,
     path = "/proposals/approve",
@@ -98,29 +98,19 @@ pub(super) async fn approve_several(
         value.reason.as_deref().unwrap_or(""),
         limits::NOTE_CHARS_MAX,
     )?;
-    let end = Instant::now() + limits::APPROVED_WITHIN;
-    let mut items = Vec::with_capacity(count);
-    for one in value.proposals {
-        let id = one.id;
-        let decided = if Instant::now() < end {
-            let approving = approve(&api, &caller, one, value.reason.clone());
-            let ended = tokio::time::timeout_at(end, approving).await;
-            ended.unwrap_or_else(|_| Err(Problem::outcome_unknown()))
-        } else {
-            Err(not_tried())
-        };
+    let ids: Vec<_> = value.proposals.iter().map(|one| one.id).collect();
+    let approving = |one| approve(&api, &caller, one, value.reason.clone());
+    let decided = each(value.proposals, approving).await;
+    let items = ids.into_iter().zip(decided).map(|(id, decided)| {
         let (state, problem) = match decided {
             Ok(state) => (Some(state), None),
             Err(problem) => (None, Some(problem)),
         };
-        items.push(SeveralOutcome { id, state, problem });
-    }
-    Ok(Json(SeveralAnswer { items }))
-}
-
-fn not_tried() -> Problem {
-    let detail = "the database was too slow: this proposal's turn did not come; approve it again";
-    Problem::new(StatusCode::SERVICE_UNAVAILABLE, "not_tried", detail)
+        SeveralOutcome { id, state, problem }
+    });
+    Ok(Json(SeveralAnswer {
+        items: items.collect(),
+    }))
 }
 
 async fn approve(

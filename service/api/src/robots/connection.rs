@@ -78,10 +78,10 @@ impl ConnectionDocument {
 }
 
 /// Begin or end of a robot's maintenance.
-#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Deserialize, utoipa::ToSchema)]
 #[schema(as = MaintenanceRequest)]
 #[serde(deny_unknown_fields)]
-pub(super) struct MaintenanceBody {
+pub(crate) struct MaintenanceBody {
     /// Time at which it ends, at most 90 days from now; null ends it now.
     #[serde(deserialize_with = "Option::deserialize")]
     #[schema(value_type = Option<String>, format = DateTime, required = true)]
@@ -113,24 +113,35 @@ pub(super) async fn put_maintenance(
     Parameters(NoParameters {}): Parameters<NoParameters>,
     Body { value, .. }: Body<MaintenanceBody>,
 ) -> Result<Json<ConnectionDocument>, Problem> {
-    let unknown = || Problem::robot_unknown(id.as_str());
-    api.fleet.robot(&id).ok_or_else(unknown)?;
-    check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
-    let until_ns = value
-        .until
-        .map(|until| time::wall(until).unwrap_or(WallTime::MAX));
-    let command = Command::Maintain {
-        until_ns,
-        reason: value.reason,
-    };
-    api.lifecycle
-        .decide(&id, command, caller.actor, None)
-        .await?;
-    let view = api.fleet.robot(&id).ok_or_else(unknown)?;
+    maintain(&api, &caller, &id, value).await?;
+    let view = api.fleet.robot(&id);
+    let view = view.ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
     let ledger = api.lifecycle.ledger(&id);
     Ok(Json(ConnectionDocument::of(
         &view,
         &ledger,
         api.clock.now(),
     )))
+}
+
+/// Begins the maintenance of a robot, or ends it.
+pub(crate) async fn maintain(
+    api: &ApiState,
+    caller: &Caller,
+    id: &RobotId,
+    body: MaintenanceBody,
+) -> Result<(), Problem> {
+    let known = api.fleet.robot(id);
+    known.ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
+    check_length("reason", &body.reason, limits::NOTE_CHARS_MAX)?;
+    let until_ns = body
+        .until
+        .map(|until| time::wall(until).unwrap_or(WallTime::MAX));
+    let command = Command::Maintain {
+        until_ns,
+        reason: body.reason,
+    };
+    let actor = caller.actor.clone();
+    api.lifecycle.decide(id, command, actor, None).await?;
+    Ok(())
 }

@@ -16,6 +16,7 @@ use jiff::Timestamp;
 use serde::Serialize;
 
 use super::connection::ConnectionDocument;
+use super::retirement::RetirementDocument;
 use super::view::Listed;
 use crate::approval::CalibrationSummary;
 use crate::cluster::Owners;
@@ -40,6 +41,9 @@ pub(super) struct RobotSummary {
     pub(super) last_seen: Option<Timestamp>,
     /// Connection: online, silent, or switched off on purpose.
     connection: ConnectionDocument,
+    /// Retirement; absent unless the robot is retired, and then in no list.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    retired: Option<RetirementDocument>,
     /// Instance that estimates it; absent while there is none, and for a single service.
     #[serde(skip_serializing_if = "Option::is_none")]
     instance: Option<String>,
@@ -78,6 +82,7 @@ impl RobotSummary {
         Self {
             standing: robot.standing,
             instance: owners.of(&view.id),
+            retired: ledger.shadow.retired.as_ref().map(RetirementDocument::of),
             connection: ConnectionDocument::of(view, ledger, now),
             vehicle: config.map(|config| vehicle_document(&config.vehicle())),
             site: config.and_then(|config| config.site.clone()),

@@ -75,7 +75,8 @@ pub(super) struct RobotPage {
     connections: BTreeMap<&'static str, usize>,
 }
 
-/// Lists the robots: the configured ones, and those that send data without a configuration.
+/// Lists the robots: the configured ones, and those that send data without a configuration; not
+/// the retired ones.
 #[utoipa::path(
     get,
     path = "/robots",

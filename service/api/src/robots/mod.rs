@@ -13,6 +13,7 @@ mod manoeuvres;
 mod moments;
 mod recording;
 mod registration;
+mod retirement;
 mod support;
 mod top_view;
 mod view;
@@ -22,17 +23,23 @@ use utoipa_axum::routes;
 
 use super::ApiState;
 
-pub(super) use connection::connection_state;
+pub(super) use connection::{MaintenanceBody, connection_state, maintain};
 pub(super) use document::RobotStateDocument;
 pub(super) use events::EventDocument;
 pub(super) use recording::Recordings;
+pub(super) use registration::{Prefixes, check_config, prefixes};
+pub(super) use retirement::{bring_back, retire};
 
 /// Routes under `/robots`.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(list::list_robots))
         .routes(routes!(view::get_view))
-        .routes(routes!(registration::get_robot, registration::put_robot))
+        .routes(routes!(
+            registration::get_robot,
+            registration::put_robot,
+            retirement::delete_robot
+        ))
         .routes(routes!(
             description::get_description,
             description::take_description
@@ -48,5 +55,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(moments::get_moment))
         .routes(routes!(support::get_support))
         .routes(routes!(connection::put_maintenance))
+        .routes(routes!(retirement::bring_robot_back))
+        .routes(routes!(retirement::list_retired))
         .routes(routes!(events::list_events, events::post_event))
 }

@@ -1,18 +1,21 @@
 //! Routes of `/robots/{id}/moments`: the latest data of a robot, kept on disk.
 
+use std::io;
+
 use axum::Json;
-use axum::body::Body;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::limits;
-use fleetcal_http::csv;
+use fleetcal_http::{csv, written};
 use fleetcal_moments::{Moment, MomentRefused};
 use fleetcal_proto::RobotId;
 use serde::{Deserialize, Serialize};
 
 use super::recording::RecordingFile;
 use crate::ApiState;
+use crate::access::Caller;
+use crate::export::Export;
 use crate::extract::{NoParameters, Parameters, check_length};
 use crate::forwarding::OwnRobot;
 use crate::problem::Problem;
@@ -31,9 +34,11 @@ pub(super) struct MomentsDocument {
     memory_bytes: usize,
 }
 
-/// Returns the moments of a robot: the data of the minute before each change, fault, failed
-/// verification and reassembly, and before each request.
+/// Returns the moments of a robot: the data before each change, fault, failed verification and
+/// reassembly, and before each request.
 ///
+/// A moment has up to the last minute, less where many robots share the memory for their latest
+/// data, 128 MiB or a quarter of what the process may use: each has an equal share, at most 8 MiB.
 /// In a cluster they are those of the instance that estimates the robot now.
 #[utoipa::path(
     get,
@@ -55,7 +60,7 @@ pub(super) async fn list_moments(
     let counts = api.moments.counts();
     let moments = api.moments.of(&id);
     Ok(Json(MomentsDocument {
-        moments: moments,
+        moments,
         dropped: counts.dropped,
         lost: counts.lost,
         memory_bytes: api.fleet.latest_data_bytes(),
@@ -70,8 +75,8 @@ pub(super) struct MomentParameters {
     note: Option<String>,
 }
 
-/// Keeps the data that the robot sent within the last minute. They are on disk when the request is
-/// answered.
+/// Keeps the robot's latest data: up to the last minute, less where many robots share the memory for
+/// them. They are on disk when the request is answered.
 #[utoipa::path(
     post,
     path = "/robots/{id}/moments",
@@ -125,6 +130,10 @@ fn refused(refused: MomentRefused) -> Problem {
         (status = OK, description = "The data", body = inline(RecordingFile),
             content_type = "application/octet-stream"),
         (status = NOT_FOUND, description = "The robot has no such moment"),
+        (status = TOO_MANY_REQUESTS,
+            description = "Too many files are written for the user or token"),
+        (status = SERVICE_UNAVAILABLE,
+            description = "Too many files are written, or no instance has the robot"),
     )
 )]
 pub(super) async fn get_moment(
@@ -132,6 +141,7 @@ pub(super) async fn get_moment(
     OwnRobot(id): OwnRobot,
     path: Path<(String, String)>,
     Parameters(NoParameters {}): Parameters<NoParameters>,
+    caller: Caller,
 ) -> Result<Response, Problem> {
     let Path((_, number)) = path;
     let unknown = || {
@@ -140,12 +150,12 @@ pub(super) async fn get_moment(
     };
     let number_of = number.parse().map_err(|_| unknown())?;
     let (_, path) = api.moments.find(&id, number_of).ok_or_else(unknown)?;
+    let export = Export::begin(&api, caller)?;
     // It may have been dropped meanwhile.
-    let bytes = tokio::fs::read(&path).await.map_err(|_| unknown())?;
+    let file = tokio::fs::File::open(&path).await.map_err(|_| unknown())?;
+    let mut file = file.into_std().await;
+    let pieces = written(move |to| io::copy(&mut file, to).map(|_| ()));
     let name = format!("{id}-{number_of}.mcap");
-    Ok(csv::file(
-        "application/octet-stream",
-        &name,
-        Body::from(bytes),
-    ))
+    let body = export.body(pieces);
+    Ok(csv::file("application/octet-stream", &name, body))
 }

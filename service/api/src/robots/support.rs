@@ -1,12 +1,13 @@
 //! Route `GET /robots/{id}/support`: what somebody needs who looks into a robot's trouble elsewhere.
 
 use axum::Json;
-use axum::body::{Body, to_bytes};
+use axum::body::to_bytes;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::limits;
-use fleetcal_http::csv;
+use fleetcal_http::{csv, written};
+use fleetcal_moments::Moment;
 use fleetcal_proto::RobotId;
 use fleetcal_support::{Archive, lines_of};
 use serde::{Deserialize, Serialize};
@@ -14,6 +15,8 @@ use serde_json::json;
 
 use super::{checks, cross_track, estimate, events, moments, registration};
 use crate::ApiState;
+use crate::access::Caller;
+use crate::export::Export;
 use crate::extract::{NoParameters, Parameters, RobotPath};
 use crate::forwarding::OwnRobot;
 use crate::problem::Problem;
@@ -34,7 +37,7 @@ pub(super) struct FileDocument {
     /// Name, with folders.
     name: String,
     /// Size, bytes.
-    bytes: usize,
+    bytes: u64,
 }
 
 /// Files of a support bundle.
@@ -64,12 +67,17 @@ pub(super) struct ZipFile(Vec<u8>);
         (status = OK, description = "The bundle, or with `list=true` what it has",
             content((ZipFile = "application/zip"), (SupportDocument = "application/json"))),
         (status = NOT_FOUND, description = "The robot is unknown"),
+        (status = TOO_MANY_REQUESTS,
+            description = "Too many files are written for the user or token"),
+        (status = SERVICE_UNAVAILABLE,
+            description = "Too many files are written, or no instance has the robot"),
     )
 )]
 pub(super) async fn get_support(
     State(api): State<ApiState>,
     OwnRobot(id): OwnRobot,
     Parameters(query): Parameters<SupportParameters>,
+    caller: Caller,
 ) -> Result<Response, Problem> {
     let is_list = match query.list.as_deref() {
         None | Some("false") => false,
@@ -78,31 +86,55 @@ pub(super) async fn get_support(
     };
     let unknown = || Problem::robot_unknown(id.as_str());
     api.fleet.robot(&id).ok_or_else(unknown)?;
-    let archive = bundle(&api, &id).await;
+    let moments = api.moments.of(&id);
     if is_list {
-        let file = |(name, bytes): (&str, usize)| FileDocument {
-            name: name.to_owned(),
-            bytes,
+        let documents = documents(&api, &id).await;
+        let list = list_of(&documents, &moments);
+        return Ok(Json(list).into_response());
+    }
+    let export = Export::begin(&api, caller)?;
+    let mut archive = documents(&api, &id).await;
+    for moment in &moments {
+        let Some((_, path)) = api.moments.find(&id, moment.id) else {
+            continue;
         };
-        let files = archive.list().map(file).collect();
-        return Ok(Json(SupportDocument { files }).into_response());
+        // It may have been dropped meanwhile; once it is open it can be read to its end.
+        if let Ok(file) = tokio::fs::File::open(path).await {
+            archive.add_on_disk(&name_of(moment), file.into_std().await, moment.bytes);
+        }
     }
     let name = format!("{id}-support.zip");
-    Ok(csv::file(
-        "application/zip",
-        &name,
-        Body::from(archive.into_zip()),
-    ))
+    let body = export.body(written(move |to| archive.write(to)));
+    Ok(csv::file("application/zip", &name, body))
 }
 
-/// Gathers the bundle. A document that the robot lacks is the problem that the API answers with.
-async fn bundle(api: &ApiState, id: &RobotId) -> Archive {
+/// Returns the list of a bundle's files, without opening those of moments.
+fn list_of(documents: &Archive, moments: &[Moment]) -> SupportDocument {
+    let documents = documents.list().map(|(name, bytes)| FileDocument {
+        name: name.to_owned(),
+        bytes,
+    });
+    let moments = moments.iter().map(|moment| FileDocument {
+        name: name_of(moment),
+        bytes: moment.bytes,
+    });
+    let files = documents.chain(moments).collect();
+    SupportDocument { files }
+}
+
+/// Returns the name of a moment's data in a bundle.
+fn name_of(moment: &Moment) -> String {
+    format!("moments/{}.mcap", moment.id)
+}
+
+/// Answers of the API about the robot, by name. For a document that the robot lacks it is a problem.
+async fn answers(api: &ApiState, id: &RobotId) -> [(&'static str, Response); 7] {
     let state = || State(api.clone());
     let path = || RobotPath(id.clone());
     let own = || OwnRobot(id.clone());
     let nothing = || Parameters(NoParameters {});
     let latest = events::EventParameters::default();
-    let documents = [
+    [
         (
             "robot",
             registration::get_robot(state(), path(), nothing())
@@ -139,11 +171,12 @@ async fn bundle(api: &ApiState, id: &RobotId) -> Archive {
                 .await
                 .into_response(),
         ),
-        (
-            "shadow",
-            crate::approval::shadow_of(api, id).into_response(),
-        ),
-    ];
+        ("shadow", crate::approval::shadow_of(api, id)),
+    ]
+}
+
+/// Gathers the bundle but for the moments.
+async fn documents(api: &ApiState, id: &RobotId) -> Archive {
     let mut archive = Archive::default();
     let about = json!({
         "robot": id,
@@ -153,20 +186,11 @@ async fn bundle(api: &ApiState, id: &RobotId) -> Archive {
         "instance_started_at": time::of(api.started_ns).to_string(),
     });
     archive.add("about.json", format!("{about:#}\n").into_bytes());
-    for (name, document) in documents {
+    for (name, document) in answers(api, id).await {
         let body = to_bytes(document.into_body(), limits::SUPPORT_DOCUMENT_BYTES_MAX).await;
         archive.add(&format!("{name}.json"), body.unwrap_or_default().into());
     }
     let log = lines_of(id).join("\n") + "\n";
     archive.add("log.txt", log.into_bytes());
-    for moment in api.moments.of(id) {
-        let Some((_, path)) = api.moments.find(id, moment.id) else {
-            continue;
-        };
-        // It may have been dropped meanwhile.
-        if let Ok(data) = tokio::fs::read(path).await {
-            archive.add(&format!("moments/{}.mcap", moment.id), data);
-        }
-    }
     archive
 }

@@ -62,12 +62,13 @@ impl Listed {
     }
 }
 
-/// Robots that a query selects.
+/// Robots that a query selects; retired ones are in no view.
 pub(super) fn in_view(api: &ApiState, query: &Query, now: WallTime) -> Vec<Listed> {
     let standings = api.evaluator.standings();
     let robots = api.fleet.robots().into_iter();
     let listed = robots.map(|view| Listed::by(api, &standings, view, now));
     listed
+        .filter(|robot| robot.ledger.shadow.retired.is_none())
         .filter(|robot| query.selects(&robot.properties()))
         .collect()
 }

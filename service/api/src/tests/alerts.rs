@@ -18,7 +18,7 @@ const PATIENCE: Duration = Duration::from_mins(1);
 
 impl Bench {
     /// Applies an observation of a robot, as the rules would make it.
-    async fn observe(&self, name: &str, kind: AlertKind, observation: Observation) {
+    pub(super) async fn observe(&self, name: &str, kind: AlertKind, observation: Observation) {
         let sighting = Sighting {
             kind,
             observation,

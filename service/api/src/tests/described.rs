@@ -196,7 +196,10 @@ async fn layouts_of_public_robots_are_proposed() {
     let described = bench.get(&of("ackermann")).await.json();
     assert_eq!(described["proposed"]["model"], "bicycle");
     let missing = described["description"]["missing"].to_string();
-    assert!(missing.contains("streams.joints: got "), "{missing}");
+    assert!(
+        missing.contains("nominal_extrinsics: got 2 frames"),
+        "{missing}"
+    );
     let chosen = format!("{}?scan_frame=nowhere", of("ackermann"));
     let missing = bench.get(&chosen).await.json()["description"]["missing"].to_string();
     assert!(missing.contains("nowhere"), "{missing}");

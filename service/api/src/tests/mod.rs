@@ -3,6 +3,7 @@
 mod access;
 mod alerts;
 mod approval;
+mod bulk;
 mod certificates;
 mod checks;
 mod cluster;
@@ -40,7 +41,7 @@ use fleetcal_domain::approval::Policy;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_estimator::EstimatorSettings;
 use fleetcal_fleet::{FleetHandle, FleetSetup};
-use fleetcal_http::TrustedProxies;
+use fleetcal_http::{SecurityContact, SecurityContacts, TrustedProxies};
 use fleetcal_model::WallTime;
 use fleetcal_moments::Moments;
 use fleetcal_operations::accounts::{KeepSetupCode, TokenChange, change_token};
@@ -67,7 +68,7 @@ const NOW_NS: i64 = 1_767_225_600_000_000_000;
 /// token of an administrator named "tester".
 struct Bench {
     /// Data folder of the moments.
-    _data: tempfile::TempDir,
+    data: tempfile::TempDir,
     setup: ApiSetup,
     routes: Router,
     fleet: FleetHandle,
@@ -108,16 +109,13 @@ async fn bench_after_restart(robots: &[&str]) -> Bench {
     bench_of(robots, heard.collect()).await
 }
 
-async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> Bench {
-    let database = TestDatabase::new().await;
-    let clock = MockClock::at(NOW_NS);
-    let store = database.open(clock.clone()).await;
-    for name in robots {
-        let actor = Actor::service();
-        let done = configure(&store, &robot(name), &config(), Expected::Absent, actor);
-        done.await.unwrap();
-    }
-    let fleet = FleetHandle::start(FleetSetup {
+fn fleet_of(
+    robots: &[&str],
+    last_heard: BTreeMap<RobotId, WallTime>,
+    store: &Store,
+    clock: &Arc<MockClock>,
+) -> FleetHandle {
+    FleetHandle::start(FleetSetup {
         clock: clock.clone(),
         journal: Arc::new(store.clone()),
         estimator: EstimatorSettings::default(),
@@ -127,13 +125,25 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         last_heard,
         audited: fleetcal_model::AuditId(0),
         membership: fleetcal_cluster::Membership::alone(),
-    });
+    })
+}
+
+async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> Bench {
+    let database = TestDatabase::new().await;
+    let clock = MockClock::at(NOW_NS);
+    let store = database.open(clock.clone()).await;
+    for name in robots {
+        let actor = Actor::service();
+        let done = configure(&store, &robot(name), &config(), Expected::Absent, actor);
+        done.await.unwrap();
+    }
+    let fleet = fleet_of(robots, last_heard, &store, &clock);
     let lifecycle = Lifecycle::start(LifecycleSetup {
         store: store.clone(),
         fleet: fleet.clone(),
         clock: clock.clone(),
         policy: Policy::default(),
-        key: SigningKey::from_bytes(&[7; 32]),
+        keys: SigningKey::from_bytes(&[7; 32]).into(),
         membership: Membership::alone(),
     })
     .await
@@ -160,13 +170,14 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         membership: Membership::alone(),
         peers: Peers::default(),
         access: AccessSetup { public_url: None },
+        security_contacts: SecurityContacts::default(),
         connections: Connections::new(clock.clone(), TrustedProxies::default()),
         stop: stop.clone(),
     };
     let routes = router(setup.clone());
     let token = token(&store, "tester", grant(Role::Admin), None).await;
     Bench {
-        _data: data,
+        data,
         setup,
         routes,
         fleet,

@@ -1,5 +1,8 @@
 //! Moments of a robot.
 
+use std::time::Duration;
+
+use fleetcal_domain::limits;
 use fleetcal_model::{NoteKind, Stream};
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_robot::recording::Recording;
@@ -49,8 +52,8 @@ async fn a_moment_is_kept_on_request_and_downloaded() {
     for stamp_s in 1_000..1_010 {
         send(&bench, stamp_s).await;
     }
-    let kept = bench.send_body("POST", &format!("{URI}?note=odd%20noise"), &[], "");
-    let kept = kept.await;
+    let uri = format!("{URI}?note=odd%20noise");
+    let kept = bench.send_body("POST", &uri, &[], "").await;
     assert_eq!(kept.told(), "201");
     let kept = kept.json();
     assert_eq!(kept["kind"], "requested");
@@ -108,4 +111,41 @@ async fn a_reported_reassembly_keeps_the_data_before_it() {
     assert_eq!(moment["kind"], serde_json::json!(NoteKind::Reassembled));
     assert_eq!(moment["note"], "bracket replaced");
     assert_eq!(moment["messages"], 1);
+}
+
+#[tokio::test]
+async fn downloads_of_moments_and_bundles_take_places_of_files() {
+    let bench = bench(&["a"]).await;
+    send(&bench, 1_000).await;
+    let kept = bench.send_body("POST", URI, &[], "").await.json();
+    let uri = format!("{URI}/{}", kept["id"]);
+    let bundle = "/api/v1/robots/a/support";
+    assert_eq!(bench.get(bundle).await.told(), "200");
+    // So long that it is not sent before somebody reads it.
+    let file = format!("moments/a/{}.mcap", kept["id"]);
+    std::fs::write(bench.data.path().join(file), vec![0; 1 << 20]).unwrap();
+    let mut open = Vec::new();
+    for _ in 0..limits::EXPORTS_PER_CALLER_MAX {
+        open.push(bench.begin(&uri, &[]).await);
+    }
+    for uri in [&uri, bundle] {
+        let told = bench.get(uri).await.told();
+        assert!(told.starts_with("429 exports_of_caller"), "{uri}: {told}");
+    }
+    let listed = bench.get(&format!("{bundle}?list=true")).await;
+    let listed = listed.json();
+    let file = serde_json::json!({
+        "name": format!("moments/{}.mcap", kept["id"]),
+        "bytes": kept["bytes"],
+    });
+    assert!(
+        listed["files"].as_array().unwrap().contains(&file),
+        "{listed}"
+    );
+    open.clear();
+    // Each writing task frees its place when it sees that its reader is gone, at its next turn.
+    tokio::task::yield_now().await;
+    for uri in [&uri, bundle] {
+        assert_eq!(bench.get(uri).await.told(), "200");
+    }
 }

@@ -323,7 +323,7 @@ async fn a_configuration_is_refused_by_field() {
     assert_snapshot!(told("[]").await, @"422 body_refused: the body: invalid length 0, expected struct RobotConfig with 13 elements at line 1 column 2");
     assert_snapshot!(told(r#"{"model": "bicycle"}"#).await, @"422 body_refused: the body: missing field `wheelbase_m` at line 1 column 20");
     assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": -1}"#).await, @"422 body_refused [wheelbase_m]: the body: wheelbase_m: got -1, expected more than 0 and at most 30 m at line 1 column 39");
-    assert_snapshot!(told(r#"{"model": "hovercraft", "wheelbase_m": 1}"#).await, @"422 body_refused [model]: the body: unknown variant `hovercraft`, expected `bicycle` or `tricycle` at line 1 column 22");
+    assert_snapshot!(told(r#"{"model": "hovercraft", "wheelbase_m": 1}"#).await, @"422 body_refused [model]: the body: unknown variant `hovercraft`, expected one of `bicycle`, `tricycle`, `rear_steered` at line 1 column 22");
     assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": 1, "colour": "red"}"#).await, @"422 body_refused [colour]: the body: unknown field `colour`, expected one of `model`, `wheelbase_m`, `speed_measured_at`, `nominal`, `nominal_extrinsics`, `drive`, `wheel_odometry`, `rear_axle_in_base_link`, `scan_type`, `point_cloud`, `site`, `vehicle_type`, `tags`, `streams`, `estimator` at line 1 column 47");
     assert_eq!(bench.store.load_robot(&robot("a")).await.unwrap(), None);
 }

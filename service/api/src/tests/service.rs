@@ -26,6 +26,20 @@ async fn health_and_readiness() {
 }
 
 #[tokio::test]
+async fn security_txt_names_the_configured_contacts_to_everybody() {
+    let (path, mut bench) = ("/.well-known/security.txt", bench(&[]).await);
+    assert_eq!(bench.get(path).await.status.as_u16(), 404);
+    let contact = SecurityContact::try_from("mailto:a@example.com".to_owned()).unwrap();
+    bench.setup.security_contacts.contacts = vec![contact];
+    bench.routes = router(bench.setup.clone());
+    let answer = bench.send("GET", path, &[("authorization", "")]).await;
+    let is_named = answer
+        .body
+        .starts_with("Contact: mailto:a@example.com\nExpires: ");
+    assert!(is_named, "{}", answer.body);
+}
+
+#[tokio::test]
 async fn a_closed_store_is_unavailable() {
     let bench = bench(&["a"]).await;
     bench.store.close().await.unwrap();

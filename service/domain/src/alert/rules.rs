@@ -91,10 +91,12 @@ impl Seen {
 }
 
 /// Sightings of every rule of [`AlertKind::OF_ROBOT`] for a robot. A robot without a configured
-/// vehicle has no problem.
+/// vehicle, and a retired one, has no problem.
 pub fn sightings(situation: &Situation<'_>) -> [Sighting; AlertKind::OF_ROBOT.len()] {
     AlertKind::OF_ROBOT.map(|kind| {
-        let off = situation.policy.off.contains(&kind) || situation.view.config.is_none();
+        let off = situation.policy.off.contains(&kind)
+            || situation.view.config.is_none()
+            || situation.ledger.shadow.retired.is_some();
         let seen = if off {
             Seen::Clear
         } else if !situation.in_sight && !kind.reads_records_alone() {

@@ -142,6 +142,15 @@ impl StoredAlert {
         }
     }
 
+    /// True if it is about a robot, alone or among several.
+    pub fn is_about(&self, robot: &RobotId) -> bool {
+        let (subject, several) = match self {
+            Self::Known(alert) => (&alert.robot, &alert.robots),
+            Self::Newer(newer) => (&newer.robot, &newer.robots),
+        };
+        subject.robot() == Some(robot) || several.contains(robot)
+    }
+
     /// Rank in a list, the most urgent first.
     pub fn rank(&self) -> u32 {
         match self {

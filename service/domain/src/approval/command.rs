@@ -126,6 +126,16 @@ pub enum Command {
         /// Reason; never empty.
         reason: String,
     },
+    /// Retire the robot, which has left the fleet.
+    Retire {
+        /// Reason; never empty.
+        reason: String,
+    },
+    /// Bring a retired robot back.
+    BringBack {
+        /// Reason; never empty.
+        reason: String,
+    },
     /// Roll back to the former values.
     RollBack {
         /// Version of the shadow that the person read.
@@ -167,4 +177,6 @@ pub struct Standing<'a> {
     pub drawing: Option<Drawing>,
     /// Present estimate, against which an approval is checked.
     pub present: Present,
+    /// True if the robot sends.
+    pub is_sending: bool,
 }

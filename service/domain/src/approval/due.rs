@@ -104,6 +104,9 @@ pub fn judge(
 
 /// Command that is due, if any. Each changes the records, so that it is due once.
 pub fn due(ledger: &RobotLedger, situation: &Situation<'_>, policy: &Policy) -> Option<Command> {
+    if ledger.shadow.retired.is_some() {
+        return None;
+    }
     if let Some(live) = &ledger.live {
         return deployment_due(ledger, live, situation, policy);
     }

@@ -24,6 +24,7 @@ mod policy;
 mod present;
 mod proposal;
 mod refused;
+mod retirement;
 mod revision;
 mod rollback;
 mod second_approver;
@@ -48,7 +49,7 @@ pub use proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState, Re
 pub use refused::{Refused, may_change};
 pub use revision::{Evidence, Origin, Revision};
 pub use second_approver::{Drawing, SecondApprover};
-pub use shadow::{Contradicted, Maintenance, Reported, Shadow, SyncState};
+pub use shadow::{Contradicted, Maintenance, Reported, Retirement, Shadow, SyncState};
 pub use step::step;
 pub use transition::{Changed, DeploymentAction, ProposalAction, ShadowAction, Transition};
 pub use values::{Change, difference, exceeds, nominal_values, values_and_sigmas};

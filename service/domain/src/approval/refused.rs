@@ -114,6 +114,26 @@ pub enum Refused {
     /// End of a maintenance of a robot that is in none.
     #[error("the robot is not in maintenance")]
     NoMaintenance,
+    /// Command on the records of a retired robot.
+    #[error("{by} has retired the robot: bring it back first")]
+    Retired {
+        /// Person or tool that retired it.
+        by: String,
+    },
+    /// Return of a robot that is not retired.
+    #[error("the robot is not retired")]
+    NotRetired,
+    /// Retirement of a robot that sends.
+    #[error("the robot sends, so it is at work: switch it off, and retire it then")]
+    StillSends,
+    /// Retirement of a robot with a deployment under way.
+    #[error("deployment {deployment} of this robot is {}: retire the robot when it has ended", state.as_str())]
+    UnderwayAtRetirement {
+        /// Deployment under way.
+        deployment: DeploymentId,
+        /// State of that deployment.
+        state: DeploymentState,
+    },
     /// Number of no deployment under way.
     #[error("deployment {0} is not under way")]
     NotUnderway(DeploymentId),

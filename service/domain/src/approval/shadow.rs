@@ -67,6 +67,18 @@ impl Maintenance {
     }
 }
 
+/// Retirement: the robot has left the fleet. Its records stay, and its messages are refused.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Retirement {
+    /// Person or tool that retired it.
+    pub by: String,
+    /// Time of the retirement, ns since 1970, wall time.
+    pub at_ns: WallTime,
+    /// Reason for the retirement.
+    pub reason: String,
+}
+
 /// Desired and reported state of one robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -93,6 +105,9 @@ pub struct Shadow {
     /// Last maintenance of the robot; it may have ended.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub maintenance: Option<Maintenance>,
+    /// Retirement of the robot, until it is brought back.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub retired: Option<Retirement>,
     /// Sum of the magnitudes of the steps approved without a person since a person last decided on
     /// the desired calibration: rad, m, m, rad.
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -148,6 +163,7 @@ impl Shadow {
             verified: Vec::new(),
             declined: None,
             maintenance: None,
+            retired: None,
             automatic_sum: [0.0; 4],
             contradicted: None,
         }

@@ -8,6 +8,7 @@ use super::draft::{Draft, fresh};
 use super::ledger::{NextIds, OutboxEntry, Outcome, RobotLedger};
 use super::proposal::ProposalEvent;
 use super::refused::Refused;
+use super::retirement::admit;
 use super::rollback::Rollback;
 use super::shadow::{Maintenance, Shadow};
 use super::transition::{DeploymentAction, ShadowAction};
@@ -22,6 +23,7 @@ pub fn step(
     ids: NextIds,
     standing: &Standing<'_>,
 ) -> Result<Outcome, Refused> {
+    admit(ledger, &command)?;
     let mut draft = Draft::new(ledger, ids, standing);
     match command {
         Command::Propose {
@@ -76,6 +78,8 @@ pub fn step(
         Command::GiveUp { deployment, reason } => draft.give_up(deployment, reason)?,
         Command::Void { deployment, reason } => draft.void(deployment, reason)?,
         Command::Maintain { until_ns, reason } => draft.maintain(until_ns, said(reason)?)?,
+        Command::Retire { reason } => draft.retire(said(reason)?)?,
+        Command::BringBack { reason } => draft.bring_back(said(reason)?)?,
         Command::RollBack { version, reason } => {
             let found = draft.outcome.ledger.shadow.version;
             fresh(version, found)?;

@@ -144,6 +144,12 @@ pub enum ShadowAction {
     /// End of maintenance before its time.
     #[strum(serialize = "maintenance.end")]
     EndMaintenance,
+    /// Retirement of the robot.
+    #[strum(serialize = "robot.retire")]
+    Retire,
+    /// Return of a retired robot.
+    #[strum(serialize = "robot.bring_back")]
+    BringBack,
 }
 
 impl Transition {
@@ -217,6 +223,8 @@ mod tests {
                 "shadow.forget",
                 "maintenance.begin",
                 "maintenance.end",
+                "robot.retire",
+                "robot.bring_back",
             ]
         );
     }

@@ -5,7 +5,7 @@ use fleetcal_estimator::calibrator::CalibratorConfig;
 use serde::{Deserialize, Serialize};
 
 use super::config::{RobotConfig, WheelOdometrySignal};
-use crate::streams::Joints;
+use crate::streams::{Joints, Units};
 
 /// Meaning of the numbers that a robot sends. Topics are not part of it: a topic can be renamed
 /// without a new sensor, and a sensor that moved is a change for the estimator to detect.
@@ -16,6 +16,9 @@ pub struct Signals {
     /// Joints that angles and speeds are computed from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     joints: Option<Joints>,
+    /// Units of angles and speeds.
+    #[serde(default, skip_serializing_if = "Units::are_usual")]
+    units: Units,
 }
 
 /// Basis of a robot's estimate: while it stays the same, the estimate continues.
@@ -35,6 +38,7 @@ impl RobotConfig {
             signals: Signals {
                 wheel_odometry: self.wheel_odometry,
                 joints: self.streams.joints().cloned(),
+                units: self.streams.units(),
             },
         }
     }
@@ -67,6 +71,7 @@ impl Basis {
                 signals.wheel_odometry != other_signals.wheel_odometry,
             ),
             ("streams.joints", signals.joints != other_signals.joints),
+            ("streams' gears", signals.units != other_signals.units),
         ];
         let differing = keys.into_iter().filter(|(_, differs)| *differs);
         differing.map(|(key, _)| key).collect()

@@ -120,17 +120,11 @@ impl DescribedConfig {
         let Some((joints, source)) = self.derived(&proposal.joints) else {
             return;
         };
-        let [steering] = joints.steering.as_slice() else {
-            self.lacks(&format!(
-                "streams.joints: got the steering joints {}, expected one, at the centre",
-                joints.steering.join(" and ")
-            ));
-            return;
-        };
         let (wheel_radius_m, radius_source) = radius.unzip();
         let wheel_radius_m = wheel_radius_m.map(in_digits);
         let taken = Joints {
-            steering: Some(steering.clone()),
+            steering: joints.steering.first().cloned(),
+            steering_right: joints.steering.get(1).cloned(),
             steering_gear: joints.steering_gear,
             wheels: match wheel_radius_m {
                 Some(_) => joints.wheels,
@@ -350,7 +344,7 @@ fn mounts_agree(one: &Mount, other: &Mount) -> bool {
 /// configuration may know a gear that no description has.
 fn joints_agree(used: &Joints, described: &Joints) -> bool {
     let radii = used.wheel_radius_m.zip(described.wheel_radius_m);
-    used.steering == described.steering
+    (&used.steering, &used.steering_right) == (&described.steering, &described.steering_right)
         && (used.wheels.is_empty() || used.wheels == described.wheels)
         && used.steering_gear.signum() == described.steering_gear.signum()
         && radii.is_none_or(|(one, other)| lengths_agree(one, other))
@@ -468,13 +462,11 @@ mod tests {
         assert_eq!(tricycle.config().unwrap().model, VehicleModel::Tricycle);
 
         let ackermann = described(ACKERMANN, None);
-        assert_eq!(
-            ackermann.reason("streams.joints"),
-            Some(
-                "got the steering joints left_wheel_steering_joint and right_wheel_steering_joint, \
-                 expected one, at the centre"
-            )
-        );
+        assert_eq!(ackermann.reason("streams.joints"), None);
+        let joints = ackermann.joints.unwrap();
+        let both = [&joints.steering, &joints.steering_right].map(Option::as_deref);
+        let sides = ["left_wheel_steering_joint", "right_wheel_steering_joint"];
+        assert_eq!(both, sides.map(Some));
         // One reason for several values is one sentence.
         let none = DescribedConfig::of(&Description::default().propose(None));
         let missing = none.document(Vec::new(), None).missing;

@@ -260,12 +260,14 @@ pub enum WarningKind {
     TwoSenders,
     /// Messages on a key that is no longer used.
     FormerKey,
-    /// The service lacks CPU time and uses an even share of the robot's scans.
-    ScansThinned,
     /// Stamps are coarser than the rate of their stream.
     StampsCoarse,
     /// Topic of a bridge that the access list lacks.
     TopicBlocked,
+    /// Messages without a stamp.
+    StampedOnArrival,
+    /// Steering angle computed from a yaw rate.
+    SteeringFromYawRate,
     /// Cause that a joining check names.
     JoiningCheck,
     /// Many messages of a stream are not used.
@@ -319,6 +321,31 @@ impl Warning {
         }
     }
 
+    /// Warning of [`WarningKind::StampedOnArrival`] about some streams, if any.
+    pub fn stamped_on_arrival(streams: &[Stream]) -> Option<Self> {
+        (!streams.is_empty()).then(|| Self {
+            kind: WarningKind::StampedOnArrival,
+            text: format!(
+                "Messages of {} have no stamp and count as measured when they arrive: every delay \
+                 on their way, and the difference of the clocks, is an error of their time. Send a \
+                 message with a stamp.",
+                names(streams)
+            ),
+        })
+    }
+
+    /// Warning of [`WarningKind::SteeringFromYawRate`].
+    pub fn steering_from_yaw_rate() -> Self {
+        Self {
+            kind: WarningKind::SteeringFromYawRate,
+            text: "The steering angle is computed from speed and yaw rate by the configured \
+                   wheelbase. Its offset is that of the sensor only if the robot computes the yaw \
+                   rate from its steering by the same wheelbase, not from a gyroscope. Send the \
+                   measured angle."
+                .to_owned(),
+        }
+    }
+
     /// Warning of [`WarningKind::TopicBlocked`] for a robot's blocked topics, if any.
     pub fn topic_blocked(topics: &[AnnouncedTopic]) -> Option<Self> {
         let blocked = topics.iter().filter(|topic| topic.blocked);
@@ -362,16 +389,6 @@ impl Warning {
             kind,
             text: texts.join(" "),
         })
-    }
-
-    /// Warning of [`WarningKind::ScansThinned`].
-    pub fn scans_thinned() -> Self {
-        Self {
-            kind: WarningKind::ScansThinned,
-            text: "The service lacks CPU time: of this robot's scans it uses an even share, and \
-                   drops the others. Give it more, or have fewer robots on this machine."
-                .to_owned(),
-        }
     }
 
     /// Warning of [`WarningKind::FormerKey`]; `key` is the one to send to.

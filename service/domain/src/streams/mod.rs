@@ -2,6 +2,7 @@
 
 mod settings;
 
+pub use fleetcal_proto::ros::{Joints, Units};
 pub use settings::{Ros2Settings, TopicName};
 
 use std::collections::BTreeSet;
@@ -11,14 +12,8 @@ use serde::{Deserialize, Serialize};
 
 use fleetcal_model::Stream;
 
-/// Longest name of a topic or a joint, and longest prefix, bytes.
+/// Longest name of a topic, and longest prefix, bytes.
 const NAME_BYTES_MAX: usize = 200;
-/// Most wheels whose mean is the speed.
-const WHEELS_MAX: usize = 8;
-/// Largest radius of a wheel, m.
-const WHEEL_RADIUS_MAX_M: f64 = 5.0;
-/// Largest gear ratio, either way.
-const GEAR_MAX: f64 = 1_000.0;
 
 /// Topic and type of a stream.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -32,34 +27,6 @@ pub struct Source {
     #[serde(rename = "type", default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub message_type: Option<MessageType>,
-}
-
-/// Joints of a `JointState` that steer and drive.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub struct Joints {
-    /// Joint whose position is the steering angle, left positive.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
-    pub steering: Option<String>,
-    /// Steering angle of the (virtual) centre wheel for each radian of the joint; 1 unless given.
-    #[serde(default = "one")]
-    pub steering_gear: f64,
-    /// Joints whose mean velocity is the speed.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub wheels: Vec<String>,
-    /// Radius of these wheels, m.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
-    pub wheel_radius_m: Option<f64>,
-    /// Turns of the wheel for each turn of the joint; 1 unless given.
-    #[serde(default = "one")]
-    pub wheel_gear: f64,
-}
-
-fn one() -> f64 {
-    1.0
 }
 
 /// Topics of one robot that differ from those of `[ros2]`.
@@ -76,8 +43,8 @@ pub struct StreamsFields {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false, examples("7")))]
     pub prefix: Option<TopicName>,
-    /// Wheel odometry, measured steering and speed in one message: `AckermannDriveStamped` or
-    /// `JointState`.
+    /// Wheel odometry, measured steering (or yaw rate) and speed in one message, or of joints in
+    /// several of one topic.
     #[serde(alias = "drive", skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub wheel_odometry: Option<Source>,
@@ -90,11 +57,11 @@ pub struct StreamsFields {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub steering: Option<Source>,
-    /// Speed alone: `Odometry`, `TwistStamped`, `JointState` or `AckermannDriveStamped`.
+    /// Speed alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub speed: Option<Source>,
-    /// `LaserScan` or `PointCloud2`.
+    /// `LaserScan`, `PointCloud2` or `MultiEchoLaserScan`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub scan: Option<Source>,
@@ -102,23 +69,24 @@ pub struct StreamsFields {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub lidar_odometry: Option<Source>,
-    /// Joints of a `JointState` that steer and drive.
+    /// Joints that steer and drive, for messages of joints.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub joints: Option<Joints>,
-}
-
-/// Message types that a stream may have, the usual one first; empty for a stream without a ROS
-/// topic.
-pub const fn message_types(stream: Stream) -> &'static [MessageType] {
-    match stream {
-        Stream::WheelOdometry => MessageType::OF_WHEEL_ODOMETRY,
-        Stream::Steering => MessageType::OF_STEERING,
-        Stream::Speed => MessageType::OF_SPEED,
-        Stream::Scan => MessageType::OF_SCAN,
-        Stream::LidarOdometry => MessageType::OF_LIDAR_ODOMETRY,
-        Stream::Event => &[],
-    }
+    /// Steering angle of the (virtual) centre wheel, rad, left positive, for each unit of the
+    /// message beyond `steering_zero`, whatever its type; 1 unless given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
+    pub steering_gear: Option<f64>,
+    /// Steering in the message when the vehicle drives straight ahead by its drawing; 0 unless
+    /// given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
+    pub steering_zero: Option<f64>,
+    /// Speed, m/s, for each unit of the message, whatever its type; 1 unless given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
+    pub speed_gear: Option<f64>,
 }
 
 /// Streams that ROS 2 topics carry.
@@ -148,6 +116,11 @@ impl RobotStreams {
     /// True if nothing is configured.
     pub fn is_default(&self) -> bool {
         self.0 == StreamsFields::default()
+    }
+
+    /// Units of steering and speed in the robot's messages.
+    pub fn units(&self) -> Units {
+        self.0.units()
     }
 
     /// Configured message type of a stream.
@@ -223,6 +196,15 @@ impl StreamsFields {
         self.wheel_odometry.is_some() || self.steering.is_some() || self.speed.is_some()
     }
 
+    /// Units of steering and speed in the robot's messages.
+    pub fn units(&self) -> Units {
+        Units {
+            steering_gear: self.steering_gear,
+            steering_zero: self.steering_zero,
+            speed_gear: self.speed_gear,
+        }
+    }
+
     fn check(&self) -> Result<(), String> {
         match (&self.wheel_odometry, &self.steering, &self.speed) {
             (Some(_) | None, None, None) | (None, Some(_), Some(_)) => {}
@@ -254,6 +236,7 @@ impl StreamsFields {
             }
             self.check_type(stream, source.message_type)?;
         }
+        self.units().check()?;
         self.joints.as_ref().map_or(Ok(()), Joints::check)
     }
 
@@ -262,7 +245,7 @@ impl StreamsFields {
             return Ok(());
         };
         let name = stream.name();
-        let accepted = message_types(stream);
+        let accepted = MessageType::of_stream(stream);
         if !accepted.contains(&message_type) {
             let accepted: Vec<&str> = accepted.iter().map(|of| of.ros_type()).collect();
             return Err(format!(
@@ -271,58 +254,21 @@ impl StreamsFields {
                 accepted.join(" and ")
             ));
         }
-        if message_type != MessageType::JointState {
+        if !matches!(
+            message_type,
+            MessageType::JointState | MessageType::DynamicJointState
+        ) {
             return Ok(());
         }
         let steers = self.joints.as_ref().is_some_and(|of| of.steering.is_some());
         let drives = self.joints.as_ref().is_some_and(|of| !of.wheels.is_empty());
         if (stream != Stream::Speed && !steers) || (stream != Stream::Steering && !drives) {
             return Err(format!(
-                "streams.{name} comes as JointState and streams.joints does not say by which \
+                "streams.{name} comes as joints and streams.joints does not say by which \
                  joints, expected steering, and wheels with wheel_radius_m"
             ));
         }
         Ok(())
-    }
-}
-
-impl Joints {
-    fn check(&self) -> Result<(), String> {
-        let names = self.wheels.iter().chain(&self.steering);
-        if let Some(name) = names
-            .into_iter()
-            .find(|name| name.is_empty() || name.len() > NAME_BYTES_MAX)
-        {
-            return Err(format!(
-                "streams.joints has a joint {name:?}, expected names of 1 to 200 bytes"
-            ));
-        }
-        if self.wheels.len() > WHEELS_MAX {
-            let wheels = self.wheels.len();
-            return Err(format!(
-                "streams.joints.wheels: got {wheels} wheels, expected 8 at most"
-            ));
-        }
-        for (key, gear) in [
-            ("steering_gear", self.steering_gear),
-            ("wheel_gear", self.wheel_gear),
-        ] {
-            if !gear.is_finite() || gear == 0.0 || gear.abs() > GEAR_MAX {
-                return Err(format!(
-                    "streams.joints.{key}: got {gear}, expected a ratio other than 0, up to 1000 \
-                     either way"
-                ));
-            }
-        }
-        let radius = self.wheel_radius_m;
-        let usable = radius.is_some_and(|metres| metres > 0.0 && metres <= WHEEL_RADIUS_MAX_M);
-        if usable || (radius.is_none() && self.wheels.is_empty()) {
-            return Ok(());
-        }
-        let given = radius.map_or_else(|| "nothing".to_owned(), |metres| metres.to_string());
-        Err(format!(
-            "streams.joints.wheel_radius_m: got {given}, expected more than 0 and at most 5 m"
-        ))
     }
 }
 

@@ -1,5 +1,8 @@
 //! Data of a robot for those who record it: from now on, and the latest of before.
 
+use std::sync::atomic::Ordering;
+
+use fleetcal_domain::limits;
 use fleetcal_proto::RobotId;
 
 use super::{FleetHandle, FleetRefused};
@@ -32,6 +35,17 @@ impl FleetHandle {
         let unknown = || FleetRefused::UnknownRobot(id.clone());
         let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
         Ok(robot.taps.ring.held())
+    }
+
+    /// Limits the memory for the latest data of all robots to a part of what the process may use,
+    /// bytes.
+    pub fn limit_latest_data(&self, process_bytes: u64) {
+        let part = process_bytes / limits::MOMENT_MEMORY_PARTS;
+        let part = usize::try_from(part).unwrap_or(usize::MAX);
+        let most = part.min(limits::MOMENT_BYTES_MAX);
+        self.fleet
+            .latest_data_bytes_max
+            .store(most, Ordering::Relaxed);
     }
 
     /// Returns the memory that the latest data of all robots take, bytes.

@@ -5,6 +5,7 @@ use fleetcal_proto::message_type::{Form, MessageType};
 use fleetcal_proto::ros::{DriveSamples, RosMessage};
 
 use crate::notes::Noted;
+use crate::reading;
 use crate::senders::Origin;
 
 /// Message as it was received, not decoded yet.
@@ -23,6 +24,16 @@ pub struct Message {
 }
 
 impl Message {
+    /// Returns what a reading needs of it.
+    pub fn as_read(&self) -> reading::Message<'_> {
+        reading::Message {
+            stream: self.stream,
+            form: self.form,
+            payload: &self.payload,
+            arrived: RobotTime(self.arrived_ns.0),
+        }
+    }
+
     /// Returns the number of drive samples in a message of wheel odometry that nobody has decoded;
     /// half of one counts as one.
     pub(super) fn drive_samples(&self) -> u64 {

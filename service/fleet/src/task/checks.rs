@@ -22,14 +22,10 @@ impl RobotTask {
     /// Takes a message to the checks: what it says, and what it came to.
     pub(super) fn check(&mut self, message: &Message, taken: &Result<Taken, MessageRefused>) {
         let Message {
-            stream,
-            form,
-            arrived_ns,
-            ref payload,
-            ..
+            stream, arrived_ns, ..
         } = *message;
         self.checks.stream = stream;
-        let sighting = self.intake.sight(stream, form, payload);
+        let sighting = self.intake.sight(&message.as_read());
         let joining = &mut self.checks.joining;
         joining.take(stream, arrived_ns.0, sighting.as_ref(), taken);
         if let Some(pairing) = self.intake.pairing() {
@@ -96,7 +92,7 @@ impl RobotTask {
             }
             // A mailbox counts by class: of the streams of one, the first that comes stands for it.
             let full = match of {
-                Stream::WheelOdometry | Stream::Speed => counters.dropped_drive_samples,
+                Stream::WheelOdometry | Stream::Speed => counters.dropped_wheel_odometry,
                 Stream::Scan | Stream::LidarOdometry => counters.dropped_scans,
                 Stream::Steering | Stream::Event => 0,
             };
@@ -124,6 +120,10 @@ impl RobotTask {
         let coarse = self.intake.coarsely_stamped();
         if !coarse.is_empty() {
             warnings.push(Warning::stamps_coarse(&coarse));
+        }
+        warnings.extend(Warning::stamped_on_arrival(self.intake.unstamped()));
+        if self.intake.steers_by_turn() {
+            warnings.push(Warning::steering_from_yaw_rate());
         }
         if let Engine::Running(calibrator) = &self.engine {
             let scanner = calibrator.scanner();

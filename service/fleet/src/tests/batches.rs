@@ -10,7 +10,7 @@ use fleetcal_robot::simulator::{
 use super::*;
 use crate::intake::Intake;
 use crate::joining::JoiningChecks;
-use crate::reading::ReadingSettings;
+use crate::reading::{self, ReadingSettings};
 
 /// Duration of the drive, s.
 const DRIVE_S: f64 = 90.0;
@@ -110,8 +110,14 @@ fn effects(sending: Sending) -> (Vec<String>, usize) {
     };
     for message in sent(sending) {
         messages += usize::from(message.stream == Stream::WheelOdometry);
-        let sighting = intake.sight(message.stream, message.form, &message.payload);
-        let taken = intake.take(message.stream, message.form, &message.payload);
+        let read = reading::Message {
+            stream: message.stream,
+            form: message.form,
+            payload: &message.payload,
+            arrived: RobotTime(message.arrival_ns),
+        };
+        let sighting = intake.sight(&read);
+        let taken = intake.take(&read);
         checks.take(
             message.stream,
             message.arrival_ns,
@@ -216,12 +222,13 @@ async fn a_message_with_one_impossible_sample_is_refused_whole() {
     assert_eq!(counted, (0, 2, 0));
     let reason = counters.last_refusal.unwrap();
     assert!(reason.contains("samples[1].stamp: got "), "{reason}");
-    let refused = crate::reading::read(
-        Stream::WheelOdometry,
-        form(MessageType::DriveSamples),
-        &ReadingSettings::default(),
-        &too_fast.to_cdr(),
-    );
+    let message = reading::Message {
+        stream: Stream::WheelOdometry,
+        form: form(MessageType::DriveSamples),
+        payload: &too_fast.to_cdr(),
+        arrived: RobotTime(BEGIN_NS),
+    };
+    let refused = message.read(&ReadingSettings::default());
     let reason = refused.unwrap_err().to_string();
     assert!(
         reason.starts_with("wheel_odometry: samples[7]: drive.speed: got 51"),

@@ -120,7 +120,7 @@ impl Instance {
             fleet: fleet.clone(),
             clock: clock.clone(),
             policy: Policy::default(),
-            key: SigningKey::from_bytes(&[7; 32]),
+            keys: SigningKey::from_bytes(&[7; 32]).into(),
             membership: membership.clone(),
         });
         let lifecycle = lifecycle.await.unwrap();

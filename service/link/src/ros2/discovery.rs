@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::AnnouncedTopic;
-use fleetcal_domain::streams::{STREAMS_OF_TOPICS, message_types};
+use fleetcal_domain::streams::STREAMS_OF_TOPICS;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros2_key::{Announcement, KeyLayout, TOKENS_OF_BRIDGE, TOKENS_OF_RMW};
@@ -175,7 +175,8 @@ impl Discovery {
                 continue;
             };
             let of = MessageType::of_ros_type(&announced.type_name);
-            let suits = |stream: &_| of.is_some_and(|of| message_types(*stream).contains(&of));
+            let suits =
+                |stream: &_| of.is_some_and(|of| MessageType::of_stream(*stream).contains(&of));
             let topic = AnnouncedTopic {
                 topic: placed.topic.to_owned(),
                 type_name: announced.type_name.clone(),

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use zenoh::key_expr::{KeyExpr, OwnedKeyExpr};
 
 use fleetcal_domain::limits;
-use fleetcal_domain::streams::{RobotStreams, Ros2Settings, TopicRole, message_types};
+use fleetcal_domain::streams::{RobotStreams, Ros2Settings, TopicRole};
 use fleetcal_model::Stream;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::key::KeyRoot;
@@ -176,7 +176,7 @@ impl RouteTable {
             }
         };
         let (expression, message_type) = if key.type_name.is_some() {
-            let suits = |of: &MessageType| message_types(role.stream).contains(of);
+            let suits = |of: &MessageType| MessageType::of_stream(role.stream).contains(of);
             let of = key.message_type().filter(suits)?;
             (typed_expression(&path, of), Some(of))
         } else {
@@ -352,7 +352,7 @@ impl RouteTable {
             let topic = role.topic.as_str();
             for template in &self.settings.rmw_zenoh {
                 let path = template.path_expression(robot, topic);
-                let types = message_types(role.stream).iter();
+                let types = MessageType::of_stream(role.stream).iter();
                 all.extend(types.map(|&of| typed_expression(&path, of)));
             }
             let bridge = self.settings.bridge.iter();
@@ -366,7 +366,7 @@ fn expressions_under(prefix: &str, roles: &[TopicRole]) -> BTreeSet<String> {
     let mut all = BTreeSet::new();
     for role in roles {
         let path = format!("{prefix}/{}", role.topic.as_str());
-        let types = message_types(role.stream).iter();
+        let types = MessageType::of_stream(role.stream).iter();
         all.extend(types.map(|&of| typed_expression(&path, of)));
         all.insert(path);
     }

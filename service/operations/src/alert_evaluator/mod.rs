@@ -25,6 +25,7 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::Boxed;
+use crate::alert_evaluator::write::AcknowledgeAll;
 use crate::lifecycle::Lifecycle;
 
 /// Parts that an alert evaluator uses.
@@ -150,28 +151,32 @@ impl AlertEvaluator {
         counts
     }
 
-    /// Acknowledges an alert; the acknowledgement is committed when this returns.
+    /// Acknowledges alerts in the versions that a person read, all or none; the acknowledgements
+    /// are committed when this returns.
     ///
     /// # Errors
-    /// [`StoreError::Alert`] if it does not fit, or the database's failure; nothing has changed
+    /// [`StoreError::Alert`] if one does not fit, or the database's failure; nothing has changed
     /// then.
     pub async fn acknowledge(
         &self,
-        id: AlertId,
-        version: Version,
-        actor: Actor,
-        note: Option<String>,
-    ) -> Result<Alert, StoreError> {
-        let write = Acknowledge {
+        alerts: &[(AlertId, Version)],
+        actor: &Actor,
+        note: Option<&str>,
+    ) -> Result<Vec<Alert>, StoreError> {
+        let now = self.inner.clock.now();
+        let each = alerts.iter().map(|&(id, version)| Acknowledge {
             id,
             version,
-            actor,
-            note,
-            now: self.inner.clock.now(),
-        };
-        let alert = self.inner.store.transact(write).await?;
-        self.take(&[AlertChange::Kept(Box::new(alert.clone()))]);
-        Ok(alert)
+            actor: actor.clone(),
+            note: note.map(str::to_owned),
+            now,
+        });
+        let write = AcknowledgeAll(each.collect());
+        let alerts = self.inner.store.transact(write).await?;
+        let changes = alerts.iter().cloned().map(Box::new);
+        let changes: Vec<_> = changes.map(AlertChange::Kept).collect();
+        self.take(&changes);
+        Ok(alerts)
     }
 
     /// Stores the committed changes, and publishes them to every listener.

@@ -183,6 +183,23 @@ impl Job for Acknowledge {
     }
 }
 
+/// Acknowledgement of several alerts, all or none.
+#[derive(Debug, Clone)]
+pub struct AcknowledgeAll(pub Vec<Acknowledge>);
+
+#[async_trait]
+impl Job for AcknowledgeAll {
+    type Done = Vec<Alert>;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<Vec<Alert>, StoreError> {
+        let mut acknowledged = Vec::new();
+        for one in &self.0 {
+            acknowledged.push(one.run(records).await?);
+        }
+        Ok(acknowledged)
+    }
+}
+
 /// Adds a change to an alert's history.
 async fn note_change(
     records: &mut dyn Records,

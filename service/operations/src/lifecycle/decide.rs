@@ -126,6 +126,10 @@ impl Decide {
             rear_axle_in_base_link: self.rear_axle_in_base_link,
             present: self.present_beside_notes(records).await?,
             drawing: robot.and_then(drawing),
+            is_sending: self
+                .view
+                .as_ref()
+                .is_some_and(|view| !view.connection.stale),
         };
         match step(&ledger, self.command.clone(), ids, &standing) {
             Ok(outcome) => Ok(outcome),

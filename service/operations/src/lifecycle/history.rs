@@ -23,7 +23,9 @@ pub(super) fn kind_of(transition: &Transition) -> Option<EventKind> {
             | ShadowAction::Remember
             | ShadowAction::Forget
             | ShadowAction::BeginMaintenance
-            | ShadowAction::EndMaintenance => None,
+            | ShadowAction::EndMaintenance
+            | ShadowAction::Retire
+            | ShadowAction::BringBack => None,
         },
     }
 }

@@ -37,6 +37,7 @@ use fleetcal_domain::robot::{RobotState, WarningKind};
 use fleetcal_fleet::budget::LossLog;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
+use fleetcal_proto::key_change::{KeyAnnouncement, KeyChanges, ServiceKeys};
 use fleetcal_proto::signing::{PublicKey, SealRefused, SigningKey, Statement, sign};
 use fleetcal_store::{DeploymentFreeze, IdempotencyKey, Store, StoreError};
 use tokio::sync::{Mutex, Notify};
@@ -60,8 +61,8 @@ pub struct LifecycleSetup {
     pub clock: SharedClock,
     /// Policy of the configuration file.
     pub policy: Policy,
-    /// Key that signs documents.
-    pub key: SigningKey,
+    /// Key that signs documents, and the changes that led to it.
+    pub keys: ServiceKeys,
     /// Membership in a cluster, in which other instances decide as well.
     pub membership: Membership,
 }
@@ -80,6 +81,7 @@ struct Inner {
     clock: SharedClock,
     rules: Rules,
     key: Arc<SigningKey>,
+    keys: ServiceKeys,
     membership: Membership,
     locks: RwLock<BTreeMap<RobotId, Arc<RobotLock>>>,
     freeze: RwLock<DeploymentFreeze>,
@@ -119,7 +121,8 @@ impl Lifecycle {
                 fleet: setup.fleet,
                 clock: setup.clock,
                 rules: Rules::new(setup.policy, policy),
-                key: Arc::new(setup.key),
+                key: Arc::new(setup.keys.key.clone()),
+                keys: setup.keys,
                 membership: setup.membership,
                 locks: RwLock::default(),
                 freeze: RwLock::new(freeze),
@@ -156,6 +159,16 @@ impl Lifecycle {
     /// Public half of the key that signs documents.
     pub fn public_key(&self) -> PublicKey {
         self.inner.key.public_key()
+    }
+
+    /// Changes that led to this key, oldest first.
+    pub fn key_changes(&self) -> &KeyChanges {
+        &self.inner.keys.changes
+    }
+
+    /// Announcement of the changes of key; `None` if there was none.
+    pub fn key_announcement(&self) -> Option<KeyAnnouncement> {
+        self.key_changes().announcement()
     }
 
     /// Signs a statement with the key that signs documents.
@@ -397,8 +410,8 @@ impl Lifecycle {
             (state && in_use.generation == live.offer.generation)
                 .then_some((in_use.generation, in_use.since_ns))
         });
-        self.inner
-            .fleet
-            .use_values(&shadow.robot, &used, in_verification);
+        let fleet = &self.inner.fleet;
+        fleet.use_values(&shadow.robot, &used, in_verification);
+        fleet.set_retired(&shadow.robot, shadow.retired.is_some());
     }
 }

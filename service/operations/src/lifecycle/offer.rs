@@ -71,6 +71,7 @@ impl Lifecycle {
             valid_until_ns: now.plus(lasts),
             question,
         });
+        let envelope = self.inner.keys.renewed(envelope);
         Offered { envelope, offer }
     }
 
@@ -90,7 +91,8 @@ impl Lifecycle {
         let Some(desired) = &ledger.shadow.desired else {
             return Ok(None);
         };
-        self.inner.store.envelope(robot, desired.generation).await
+        let envelope = self.inner.store.envelope(robot, desired.generation).await?;
+        Ok(envelope.map(|envelope| self.inner.keys.renewed(envelope)))
     }
 
     /// Confirmation of a robot's latest stored answer, for a robot that requests it.

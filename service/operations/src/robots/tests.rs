@@ -217,3 +217,65 @@ async fn events_come_in_pages() {
         .collect();
     assert_eq!(notes, ["4", "3", "2", "1", "0"]);
 }
+
+#[tokio::test]
+async fn many_are_registered_all_or_none() {
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
+    let many = |names: &[&str]| {
+        let each = names.iter().map(|name| (robot(name), config(1.2)));
+        each.collect::<BTreeMap<_, _>>()
+    };
+    let register =
+        async |names: &[&str]| register_all(&store, &many(names), &Actor::service()).await;
+    register(&["b", "c"]).await.unwrap();
+    let refused = register(&["a", "b", "d"]).await.unwrap_err();
+    assert!(
+        matches!(&refused, StoreError::VersionConflict { robot, .. } if robot.as_str() == "b"),
+        "{refused}"
+    );
+    let stored = store.load_robots().await.unwrap();
+    let ids: Vec<_> = stored.iter().map(|one| one.id.as_str()).collect();
+    assert_eq!(ids, ["b", "c"]);
+    let filter = fleetcal_store::AuditFilter {
+        limit: 10,
+        ..fleetcal_store::AuditFilter::default()
+    };
+    assert_eq!(store.audit(&filter).await.unwrap().len(), 2);
+}
+
+#[tokio::test]
+async fn registrations_at_once_never_make_more_robots_than_the_limit() {
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
+    let named = |numbers: std::ops::Range<usize>| {
+        let each = numbers.map(|number| (robot(&format!("r{number}")), config(1.2)));
+        each.collect::<BTreeMap<_, _>>()
+    };
+    let actor = Actor::service();
+    let nearly = limits::ROBOTS_MAX - 2;
+    for first in (0..nearly).step_by(limits::REGISTERED_AT_ONCE_MAX) {
+        let end = nearly.min(first + limits::REGISTERED_AT_ONCE_MAX);
+        let registered = register_all(&store, &named(first..end), &actor).await;
+        registered.unwrap();
+    }
+    let (one, other) = (named(nearly..nearly + 2), named(nearly + 2..nearly + 4));
+    let (one, other) = tokio::join!(
+        register_all(&store, &one, &actor),
+        register_all(&store, &other, &actor)
+    );
+    let full = |refused: &StoreError| matches!(refused, StoreError::RobotsMax { .. });
+    assert!(one.is_ok(), "{one:?}");
+    assert!(other.as_ref().is_err_and(full), "{other:?}");
+    let configured = async |name: &str, expected| {
+        configure(&store, &robot(name), &config(1.3), expected, actor.clone()).await
+    };
+    let refused = configured("new", Expected::Absent).await;
+    assert!(refused.as_ref().is_err_and(full), "{refused:?}");
+    configured("r0", Expected::Version(Version(1)))
+        .await
+        .unwrap();
+    let stored = store.load_robots().await.unwrap();
+    let stored = stored.iter().filter(|robot| robot.config.is_some());
+    assert_eq!(stored.count(), limits::ROBOTS_MAX);
+}

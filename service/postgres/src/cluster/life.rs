@@ -32,7 +32,7 @@ pub(super) async fn join(
             config_sha256 = excluded.config_sha256, clock_ahead_ns = 0,
             unheard_instances = '{}', heard_robots = '{}', unheard_robots = '{}'
         RETURNING i.incarnation";
-    agree_on_key(session, &joining.signing_key, database).await?;
+    agree_on_key(session, joining, database).await?;
     if let Some(former) = lock_former(session, &joining.instance).await? {
         seat::release(session, &[former]).await?;
     }
@@ -55,12 +55,21 @@ pub(super) async fn join(
     })
 }
 
-/// Stores the signing key unless there is one, and checks that it agrees.
-async fn agree_on_key(session: &mut Session, key: &str, database: &str) -> Result<(), StoreError> {
+/// Stores the signing key unless there is one that it does not replace, and checks that it agrees.
+async fn agree_on_key(
+    session: &mut Session,
+    joining: &Joining,
+    database: &str,
+) -> Result<(), StoreError> {
+    const FOLLOWED: &str = "UPDATE cluster_key SET signing_key = $1 WHERE signing_key = ANY ($2)";
+    let key = joining.signing_key.as_str();
     let failed = || StoreError::database("say what its instances sign with");
     let first = "INSERT INTO cluster_key (id, signing_key) VALUES (1, $1) ON CONFLICT DO NOTHING";
     let added = session.execute_query(sqlx::query(first).bind(key)).await;
     added.map_err(failed())?;
+    let followed = sqlx::query(FOLLOWED).bind(key);
+    let followed = followed.bind(joining.former_signing_keys.as_slice());
+    session.execute_query(followed).await.map_err(failed())?;
     let found: Vec<(String,)> = session
         .fetch(sqlx::query_as("SELECT signing_key FROM cluster_key"))
         .await

@@ -92,12 +92,16 @@ async fn a_backup_is_restored_with_its_key_into_an_empty_folder_alone() {
     backup(&old, &to).await.unwrap();
     let key = folder.path().join("signing.key");
     std::fs::write(&key, [7; 32]).unwrap();
+    let changes = folder.path().join("signing.key.changes");
+    std::fs::write(&changes, "changes").unwrap();
     let restored = restore(&to, Some(&key), &new).await.unwrap();
     let whole = Restored {
         robots: 0,
         has_key: true,
     };
     assert_eq!(restored, whole);
+    let restored = std::fs::read_to_string(new.join("signing.key.changes"));
+    assert_eq!(restored.unwrap(), "changes");
     let again = open(&new, &clock()).await;
     assert_eq!(again.users(0, 10).await.unwrap().len(), 1);
     // The folder of a running service, and one that has a database.

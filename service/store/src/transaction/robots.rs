@@ -13,6 +13,9 @@ pub trait RobotRecords {
     /// Reads one robot; `None` if the store has no record of it.
     async fn robot(&mut self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError>;
 
+    /// Number of robots with a configuration.
+    async fn count_configured(&mut self) -> Result<u32, StoreError>;
+
     /// Stores a robot's configuration as `version`, changed at `now`, with the author of its
     /// drawing.
     async fn save_config(

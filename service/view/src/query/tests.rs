@@ -1,5 +1,6 @@
 //! Texts of queries, the robots that they select, and refusals.
 
+use fleetcal_domain::limits;
 use fleetcal_domain::robot::{ConnectionState, RobotState};
 use fleetcal_domain::standing::Standing;
 use fleetcal_model::{Label, VehicleModel};
@@ -19,22 +20,35 @@ fn selected<'q>(robot: &Properties, queries: &[&'q str]) -> Vec<&'q str> {
     queries.iter().filter(selects).copied().collect()
 }
 
+/// Robot of which little is known.
+fn robot(id: &str) -> Properties<'_> {
+    Properties {
+        id,
+        site: None,
+        vehicle_type: None,
+        tags: &[],
+        model: None,
+        state: RobotState::Calibrated,
+        standing: Standing::AwaitingApproval,
+        is_stale: true,
+        in_maintenance: false,
+        deviation: None,
+        age_s: None,
+    }
+}
+
 #[test]
 fn a_query_selects_the_robots_that_meet_all_of_it() {
     let (site, kind) = (label("Hamburg"), label("EKX 516"));
     let tags = [label("leased"), label("night shift")];
     let robot = Properties {
-        id: "Tugger_01",
         site: Some(&site),
         vehicle_type: Some(&kind),
         tags: &tags,
         model: Some(VehicleModel::Tricycle),
-        state: RobotState::Calibrated,
-        standing: Standing::AwaitingApproval,
-        is_stale: true,
-        in_maintenance: false,
         deviation: Some(1.5),
         age_s: Some(601.0),
+        ..robot("Tugger_01")
     };
     let met = [
         "",
@@ -69,16 +83,13 @@ fn a_query_selects_the_robots_that_meet_all_of_it() {
         "no:type",
     ];
     assert_eq!(selected(&robot, &not_met), [""; 0]);
+}
 
+#[test]
+fn an_unknown_property_meets_no_condition_but_its_opposite() {
     let bare = Properties {
-        site: None,
-        vehicle_type: None,
-        tags: &[],
-        model: None,
-        deviation: None,
-        age_s: None,
         in_maintenance: true,
-        ..robot
+        ..robot("Tugger_01")
     };
     let met = [
         "no:site",
@@ -111,7 +122,7 @@ fn a_refusal_names_the_part_its_position_and_what_is_accepted() {
         ),
         (
             "model:truck",
-            "got \"truck\" at character 7, expected one of bicycle, tricycle",
+            "got \"truck\" at character 7, expected one of bicycle, tricycle, rear_steered",
         ),
         (
             "connection:online,off",
@@ -161,6 +172,11 @@ fn a_refusal_names_the_part_its_position_and_what_is_accepted() {
         let refused = text.parse::<Query>().unwrap_err();
         assert_eq!(refused.to_string(), refusal, "{text}");
     }
+    let most = "a ".repeat(limits::VIEW_QUERY_TERMS_MAX);
+    assert!(most.parse::<Query>().is_ok());
+    let refused = format!("{most}b").parse::<Query>().unwrap_err().to_string();
+    let expected = "got \"b\" at character 101, expected at most 50 conditions";
+    assert_eq!(refused, expected);
     let long = "a ".repeat(1_001);
     let refused = long.parse::<Query>().unwrap_err().to_string();
     assert!(refused.ends_with("expected at most 2000 characters, these are 2002"));
@@ -186,6 +202,10 @@ fn values(of: &'static [&'static str]) -> impl Strategy<Value = Vec<String>> {
     vec(select(of).prop_map(str::to_owned), 1..4)
 }
 
+fn known(of: &'static [&'static str]) -> impl Strategy<Value = Vec<Folded>> {
+    values(of).prop_map(|values| values.into_iter().map(Folded::from).collect())
+}
+
 fn any_text() -> impl Strategy<Value = String> {
     prop_oneof![any::<String>(), "[-a:<>\", \\\\]{1,6}"]
         .prop_filter("a value is not empty", |text| !text.is_empty())
@@ -196,11 +216,13 @@ fn conditions() -> impl Strategy<Value = Condition> {
     let comparison = || select(Comparison::VARIANTS);
     let amount = (0..2_000_000_u32).prop_map(|thousandths| f64::from(thousandths) / 1e3);
     prop_oneof![
-        any_text().prop_map(Condition::Text),
-        (open, vec(any_text(), 1..4)).prop_map(|(word, values)| Condition::Has(word, values)),
-        values(&["bicycle", "tricycle"]).prop_map(|of| Condition::Has(Word::Model, of)),
-        values(&["drift", "awaiting_approval"]).prop_map(|of| Condition::Has(Word::Standing, of)),
-        values(&["silent", "maintenance"]).prop_map(|of| Condition::Has(Word::Connection, of)),
+        any_text().prop_map(|text| Condition::Text(text.into())),
+        (open, vec(any_text().prop_map(Folded::from), 1..4))
+            .prop_map(|(word, values)| Condition::Has(word, values)),
+        known(&["bicycle", "tricycle", "rear_steered"])
+            .prop_map(|of| Condition::Has(Word::Model, of)),
+        known(&["drift", "awaiting_approval"]).prop_map(|of| Condition::Has(Word::Standing, of)),
+        known(&["silent", "maintenance"]).prop_map(|of| Condition::Has(Word::Connection, of)),
         values(&["site", "tag", "deviation"]).prop_map(Condition::Lacks),
         (comparison(), amount).prop_map(|(sign, than)| Condition::Deviation(sign, than)),
         (comparison(), any::<u32>(), select(TimeUnit::VARIANTS))
@@ -220,7 +242,7 @@ proptest! {
     #[test]
     fn what_is_written_is_read_as_the_same(query in queries()) {
         let written = query.to_string();
-        if written.chars().count() <= fleetcal_domain::limits::VIEW_QUERY_CHARS_MAX {
+        if written.chars().count() <= limits::VIEW_QUERY_CHARS_MAX {
             prop_assert_eq!(written.parse::<Query>(), Ok(query), "{}", written);
         }
     }

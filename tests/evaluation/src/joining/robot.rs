@@ -89,6 +89,7 @@ pub fn drive(
     }
     let mut checked = Checked::new(Described {
         model,
+        speed_measured_at: model.speed_measured_at(),
         wheelbase_m,
         nominal_yaw_rad: None,
     });

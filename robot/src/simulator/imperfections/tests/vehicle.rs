@@ -194,7 +194,11 @@ fn a_wrong_wheelbase_is_what_the_robot_is_told_and_not_what_it_has() {
 
 #[test]
 fn a_speed_measured_beside_the_axle_or_by_unequal_wheels_is_off_in_bends() {
-    for model in [VehicleModel::Bicycle, VehicleModel::Tricycle] {
+    for model in [
+        VehicleModel::Bicycle,
+        VehicleModel::Tricycle,
+        VehicleModel::RearSteered,
+    ] {
         for (imperfections, ratio_less_1) in [
             (
                 VehicleImperfections {
@@ -209,7 +213,7 @@ fn a_speed_measured_beside_the_axle_or_by_unequal_wheels_is_off_in_bends() {
                     ..VehicleImperfections::default()
                 },
                 match model {
-                    VehicleModel::Bicycle => 0.01 * 0.4 * 1.2 / 4.0,
+                    VehicleModel::Bicycle | VehicleModel::RearSteered => 0.01 * 0.4 * 1.2 / 4.0,
                     VehicleModel::Tricycle => 0.0,
                 },
             ),
@@ -220,7 +224,7 @@ fn a_speed_measured_beside_the_axle_or_by_unequal_wheels_is_off_in_bends() {
             for (drive, emitted) in &drives(&messages)[1000..] {
                 let truth = &emitted.truth;
                 let middle_mps = match model {
-                    VehicleModel::Bicycle => truth.speed_mps,
+                    VehicleModel::Bicycle | VehicleModel::RearSteered => truth.speed_mps,
                     VehicleModel::Tricycle => truth.speed_mps / truth.steering_rad.cos(),
                 };
                 let off = (drive.speed_mps - middle_mps) / truth.speed_mps;

@@ -127,6 +127,35 @@ async fn who_signs_with_another_key_is_refused() {
     assert_eq!(a.look().await.snapshot.members.len(), 2);
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_key_that_follows_is_taken_over_and_the_former_one_is_refused_after_it() {
+    let (url, _) = database(1).await;
+    let a = Instance::join(&url, "a").await;
+    let join = async |name: &str, key: &str, formers: &[&str]| {
+        let store = open_instance(setup(&url), name, Fencing::Locked).await;
+        let joining = Joining {
+            signing_key: key.to_owned(),
+            former_signing_keys: formers.iter().map(|&former| former.to_owned()).collect(),
+            ..joining(name)
+        };
+        let registry = store.unwrap().registry().unwrap();
+        registry.join(&joining).await.map(drop)
+    };
+    let stranger = join("b", "new key", &["key of others"]).await;
+    assert!(stranger.is_err());
+    join("b", "new key", &["oldest key", "key of the site"])
+        .await
+        .unwrap();
+    // Those that began before go on until they start again.
+    assert!(a.renew().await);
+    let former = told(join("c", "key of the site", &["oldest key"]).await);
+    assert!(
+        former.contains("got key of the site, expected new key"),
+        "{former}"
+    );
+    join("c", "new key", &["key of the site"]).await.unwrap();
+}
+
 /// Checks that a wrong liveliness token of Zenoh does not end a connected instance.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn who_is_gone_is_taken_for_dead_at_once_and_who_is_connected_is_not() {

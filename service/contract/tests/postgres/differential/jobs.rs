@@ -277,6 +277,7 @@ impl Run<'_> {
         let by = words(&mut self.chance);
         let drawn_by = self.chance.random_bool(0.5).then_some(by.as_str());
         ask!(self, save_config(&id, &config, drawn_by, version, now));
+        ask!(self, count_configured());
         ask!(self, robot(&id));
         Ok(())
     }

@@ -75,6 +75,8 @@ pub(super) struct Bench {
     pub(super) drawing: Option<Drawing>,
     /// Present estimate at a decision.
     pub(super) present: Present,
+    /// True if the robot sends at a decision.
+    pub(super) is_sending: bool,
 }
 
 impl Bench {
@@ -95,6 +97,7 @@ impl Bench {
                 by: None,
             }),
             present: Present::Unknown,
+            is_sending: false,
         }
     }
 
@@ -113,6 +116,7 @@ impl Bench {
             rear_axle_in_base_link: self.rear_axle,
             drawing: self.drawing.clone(),
             present: self.present,
+            is_sending: self.is_sending,
         };
         let outcome = step(&self.ledger, command, self.ids, &standing)?;
         self.ids.revision = self.ids.revision.next();

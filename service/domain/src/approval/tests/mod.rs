@@ -4,6 +4,7 @@ mod bench;
 mod due;
 mod four_eyes;
 mod model;
+mod retirement;
 mod sequences;
 mod table;
 mod withdrawn;

@@ -333,6 +333,7 @@ proptest! {
                 rear_axle_in_base_link: None,
                 drawing: model.drawing.clone(),
                 present: Present::Unknown,
+                is_sending: false,
             };
             let ledger = model.read_for(&command);
             match step(&ledger, command.clone(), model.next_ids(), &standing) {

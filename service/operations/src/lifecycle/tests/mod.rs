@@ -4,6 +4,7 @@ mod certificates;
 mod driven;
 mod requests;
 mod restarts;
+mod retirement;
 mod return_journeys;
 mod robots;
 
@@ -97,7 +98,7 @@ impl Bench {
             fleet: fleet.clone(),
             clock: clock.clone(),
             policy,
-            key: SigningKey::from_bytes(&[7; 32]),
+            keys: SigningKey::from_bytes(&[7; 32]).into(),
             membership: fleetcal_cluster::Membership::alone(),
         });
         let lifecycle = lifecycle.await.unwrap();

@@ -5,18 +5,17 @@ use fleetcal_domain::approval::{
     Origin, Outdated, Proposal, ProposalState, Reported, Revision, RobotLedger, RollBack,
     SecondApprover, SyncState, Verification,
 };
+use fleetcal_domain::timestamp as time;
 use fleetcal_model::{DeploymentId, Generation, Pose2, ProposalId, RevisionId, Version};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{AppliedStatus, CalibrationValues};
 use jiff::Timestamp;
 use serde::Serialize;
 
-use crate::time;
-
 /// Revision: values with their evidence, kept for ever.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Revision)]
-pub(super) struct RevisionDocument {
+pub struct RevisionDocument {
     /// Number of the revision.
     id: RevisionId,
     /// Origin of the values.
@@ -60,7 +59,8 @@ struct EvidenceDocument {
 }
 
 impl RevisionDocument {
-    pub(super) fn of(revision: Revision) -> Self {
+    /// Makes the document of a record.
+    pub fn of(revision: Revision) -> Self {
         let evidence = (revision.evidence != Evidence::default()).then_some(revision.evidence);
         Self {
             id: revision.id,
@@ -115,7 +115,7 @@ impl DecisionDocument {
 /// Proposal with its revision. Its `ETag` is `version`.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Proposal)]
-pub(super) struct ProposalDocument {
+pub struct ProposalDocument {
     /// Number of the proposal.
     id: ProposalId,
     robot: RobotId,
@@ -198,17 +198,18 @@ struct GainDocument {
 
 /// Facts about a proposal beside its record.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Beside {
+pub struct Beside {
     /// Reason for which it cannot be approved now.
-    pub(super) outdated: Option<Outdated>,
+    pub outdated: Option<Outdated>,
     /// Gain expected for the robot's path following.
-    pub(super) gain: Option<ExpectedGain>,
+    pub gain: Option<ExpectedGain>,
     /// State of its deployment.
-    pub(super) deployment: Option<DeploymentState>,
+    pub deployment: Option<DeploymentState>,
 }
 
 impl ProposalDocument {
-    pub(super) fn of(proposal: Proposal, revision: Revision, beside: Beside) -> Self {
+    /// Makes the document of a record.
+    pub fn of(proposal: Proposal, revision: Revision, beside: Beside) -> Self {
         let approvals = proposal.approvals.into_iter();
         Self {
             id: proposal.id,
@@ -247,7 +248,7 @@ impl ProposalDocument {
 /// Values in use of a robot.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = InUse)]
-pub(super) struct InUseDocument {
+struct InUseDocument {
     /// Generation of the document; 0 for its factory calibration.
     generation: Generation,
     /// Revision; absent for its factory calibration.
@@ -301,7 +302,7 @@ impl VerificationDocument {
 /// Deployment of a revision to one robot.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Deployment)]
-pub(super) struct DeploymentDocument {
+pub struct DeploymentDocument {
     /// Number of the deployment.
     id: DeploymentId,
     robot: RobotId,
@@ -369,7 +370,8 @@ impl RollBackDocument {
 }
 
 impl DeploymentDocument {
-    pub(super) fn of(deployment: Deployment) -> Self {
+    /// Makes the document of a record.
+    pub fn of(deployment: Deployment) -> Self {
         Self {
             id: deployment.id,
             robot: deployment.robot,
@@ -428,7 +430,7 @@ impl ReportedDocument {
 /// Desired and reported calibration of one robot. Its `ETag` is `version`.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Shadow)]
-pub(super) struct ShadowDocument {
+pub struct ShadowDocument {
     robot: RobotId,
     /// Version, incremented with every change.
     version: Version,
@@ -453,7 +455,8 @@ pub(super) struct ShadowDocument {
 }
 
 impl ShadowDocument {
-    pub(super) fn of(ledger: &RobotLedger) -> Self {
+    /// Makes the document of a record.
+    pub fn of(ledger: &RobotLedger) -> Self {
         let shadow = ledger.shadow.clone();
         Self {
             in_sync: shadow.in_sync(),
@@ -473,7 +476,7 @@ impl ShadowDocument {
 
 /// State of a robot's calibration, in the list of robots.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
-pub(crate) struct CalibrationSummary {
+pub struct CalibrationSummary {
     /// Desired generation; absent before the first approval.
     desired_generation: Option<Generation>,
     /// Generation in use; 0 for the factory calibration, absent if the robot never reported one.
@@ -494,7 +497,7 @@ pub(crate) struct CalibrationSummary {
 
 impl CalibrationSummary {
     /// Summary of a robot's records.
-    pub(crate) fn of(ledger: &RobotLedger) -> Self {
+    pub fn of(ledger: &RobotLedger) -> Self {
         let shadow = &ledger.shadow;
         let live = ledger.live.as_ref();
         let verdict = live.and_then(|live| live.verification);
