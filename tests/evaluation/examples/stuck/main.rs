@@ -6,6 +6,8 @@
 //! Each simulated robot drives twice, with a change and without. Where `FLEETCAL_DATA` names the folder of
 //! the recordings, steps of the steering and the mount are put into those of real robots.
 
+#![expect(clippy::print_stdout, reason = "the outcomes are what it is for")]
+
 #[path = "../recordings/recorded.rs"]
 mod recorded;
 mod steps;
