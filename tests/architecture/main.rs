@@ -292,6 +292,7 @@ fn pure_crates_touch_no_outside_world() {
         "service/cluster",
         "service/domain",
         "service/limits",
+        "service/rollout",
         "service/statistics",
         "service/view",
     ] {

@@ -14,6 +14,7 @@ pub mod parameter;
 pub mod plane;
 pub mod robot_id;
 pub mod sigma;
+pub mod steering_table;
 pub mod stream;
 pub mod time;
 pub mod vehicle;
@@ -24,12 +25,13 @@ pub use covariance::CalibrationCovariance;
 pub use label::{LABEL_CHARS_MAX, Label, LabelRefused, TAGS_MAX, Tags};
 pub use number::{
     AlertId, AuditId, DeliveryId, DeploymentId, EventId, Generation, ProposalId, RevisionId,
-    TokenId, UserId, Version, WebhookId,
+    RolloutId, TokenId, UserId, Version, WebhookId,
 };
 pub use parameter::{Counts, Motions, Parameter, ParameterStatus, Unit};
 pub use plane::{Point, Pose2, wrap_angle_rad};
 pub use robot_id::{RobotId, RobotIdRefused};
 pub use sigma::{SigmaEffect, SigmaSource, SigmaTerm};
+pub use steering_table::{SteeringPoint, SteeringTable, SteeringTableStatus};
 pub use stream::Stream;
 pub use time::{RobotTime, WallTime};
 pub use vehicle::{SpeedMeasuredAt, VehicleModel};

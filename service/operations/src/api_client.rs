@@ -144,7 +144,10 @@ impl ApiClient {
         }
         let status = answer.status().as_u16();
         let body = Limited::new(answer.into_body(), limits::SUPPORT_DOCUMENT_BYTES_MAX);
-        let body = body.collect().await.map(|body| body.to_bytes());
+        let body = body
+            .collect()
+            .await
+            .map(http_body_util::Collected::to_bytes);
         let problem = serde_json::from_slice(&body.unwrap_or_default());
         let problem: serde_json::Value = problem.unwrap_or_default();
         let detail = problem["detail"].as_str().or(problem["title"].as_str());

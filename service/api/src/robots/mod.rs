@@ -12,6 +12,7 @@ mod innovations;
 mod list;
 mod manoeuvres;
 mod moments;
+mod preview;
 mod recording;
 mod registration;
 mod retirement;
@@ -31,6 +32,7 @@ pub(super) use events::EventDocument;
 pub(super) use recording::Recordings;
 pub(super) use registration::{Prefixes, check_config, prefixes};
 pub(super) use retirement::{bring_back, retire};
+pub(super) use view::{in_view, query_of};
 
 /// Routes under `/robots`.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
@@ -47,6 +49,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
             description::get_description,
             description::take_description
         ))
+        .routes(routes!(preview::preview_robot))
         .routes(routes!(estimate::get_estimate))
         .routes(routes!(history::get_history))
         .routes(routes!(innovations::get_innovations))
