@@ -74,6 +74,7 @@ pub(crate) const TABLE: &[(&str, &str, Access)] = &[
     ("GET", "/api/v1/robots/{id}/history", Viewer),
     ("GET", "/api/v1/robots/{id}/cross_track_error", Viewer),
     ("GET", "/api/v1/robots/{id}/checks", Viewer),
+    ("GET", "/api/v1/robots/{id}/innovations", Viewer),
     ("GET", "/api/v1/robots/{id}/manoeuvres", Viewer),
     ("GET", "/api/v1/robots/{id}/top-view", Viewer),
     ("GET", "/api/v1/robots/{id}/recording", Operator),
