@@ -88,6 +88,7 @@ gather() {
   mkdir -p "$stage/man" "$stage/completions" "$out"
   cp "$binary" LICENSE CHANGELOG.md fleetcal.example.toml "$stage/"
   cp packaging/fleetcal.service packaging/fleetcal.toml "$stage/"
+  cp packaging/grafana/fleetcal.json "$stage/grafana-dashboard.json"
   cp /usr/share/common-licenses/Apache-2.0 "$stage/LICENSE-Apache-2.0.txt"
   cp "$(rustc --print sysroot)/share/doc/rust/COPYRIGHT-library.html" "$stage/rust-library.html"
   "$binary" man "$stage/man"

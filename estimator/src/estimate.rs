@@ -2,7 +2,8 @@
 
 pub use fleetcal_model::{
     CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, DetectionState,
-    Parameter, ParameterStatus as Status, SigmaEffect, SigmaSource, SigmaTerm,
+    Innovation, ModelFit, Parameter, ParameterStatus as Status, SigmaEffect, SigmaSource,
+    SigmaTerm, SteeringPoint, SteeringTable, SteeringTableStatus,
 };
 use serde::{Deserialize, Serialize};
 
@@ -41,6 +42,8 @@ pub struct Estimate {
     /// Covariance of the errors of the four that every calibration has; its diagonal holds the
     /// squares of their sigmas.
     pub covariance: CalibrationCovariance,
+    /// Curve of the steering at the angles that were driven.
+    pub steering_table: SteeringTable,
     /// State of detection for each cause: the changes that would be seen now, and the needs of the
     /// others.
     pub detection: Detection,

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use fleetcal_model::{
     CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, Motions, Parameter,
-    ParameterStatus, Pose2, RobotId, RobotTime, SigmaTerm, Unit, VehicleModel,
+    ParameterStatus, Pose2, RobotId, RobotTime, SigmaTerm, SteeringTable, Unit, VehicleModel,
 };
 use serde::{Deserialize, Serialize};
 
@@ -122,6 +122,10 @@ pub struct EstimateDocument {
     /// older services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CalibrationCovariance>,
+    /// Curve of the steering at the angles that were driven, for information; absent in documents of older
+    /// services.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering_table: Option<SteeringTable>,
     /// State of the detection of changes, by cause; absent in documents of older services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detection: Option<Detection>,
@@ -237,6 +241,9 @@ pub struct CalibrationReport {
     /// Terms of each sigma in `parameters`: why it is as wide as it is. None of a parameter that is off.
     #[serde(default)]
     pub sigma_terms: BTreeMap<Parameter, Vec<SigmaTerm>>,
+    /// Curve of the steering at the angles that were driven, for information.
+    #[serde(default)]
+    pub steering_table: SteeringTable,
     /// State of the detection of changes at the end, by cause.
     pub detection: Detection,
     /// Consistency of the filter.
@@ -252,7 +259,7 @@ pub struct CalibrationReport {
 impl CalibrationReport {
     /// Version that grows by one whenever a field is renamed, removed or changes its meaning. An
     /// added field does not change it.
-    pub const SCHEMA_VERSION: u32 = 1;
+    pub const SCHEMA_VERSION: u32 = 2;
 }
 
 #[cfg(test)]
@@ -308,6 +315,7 @@ mod tests {
             parameters: parameters(),
             covariance: CalibrationCovariance::default(),
             sigma_terms: BTreeMap::new(),
+            steering_table: SteeringTable::default(),
             detection: Detection::of_all(DetectionState::Watching),
             consistency: Consistency::default(),
             events: vec![ChangeDocument {
@@ -346,12 +354,13 @@ mod tests {
                 "schema_version",
                 "segments",
                 "sigma_terms",
+                "steering_table",
                 "timing",
                 "vehicle"
             ]
         );
         // Whoever changes the names above raises it.
-        assert_eq!(json["schema_version"], 1);
+        assert_eq!(json["schema_version"], 2);
         assert_eq!(json["vehicle"]["model"], "bicycle");
         assert_eq!(json["events"][0]["cause"], "lidar_mount");
         assert_eq!(json["events"][0]["change"]["lidar_x"], 0.02);

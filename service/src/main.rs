@@ -9,7 +9,7 @@ use std::time::Duration;
 use clap::Parser;
 use fleetcal::command::{
     Cli, Command, CommandError, acl, audit, backup, check_config, completions, demo, key, man,
-    restore, serve, store, token, user,
+    restore, serve, store, support, token, user,
 };
 use fleetcal::environment::{self, Peers};
 use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
@@ -74,6 +74,7 @@ fn run(command: &Command) -> Result<(), CommandError> {
         Command::User(arguments) => on_runtime(user::run(arguments, clock)),
         Command::Key(arguments) => key::run(arguments, &clock),
         Command::Audit(arguments) => on_runtime(audit::run(arguments)),
+        Command::Support(arguments) => on_runtime(support::run(arguments)),
         Command::Backup(arguments) => on_runtime(backup::run(arguments)),
         Command::Restore(arguments) => on_runtime(restore::run(arguments)),
         Command::Store(arguments) => on_runtime(store::run(arguments)),

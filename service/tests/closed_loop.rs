@@ -11,7 +11,6 @@
 use std::net::SocketAddr;
 use std::num::NonZeroU32;
 use std::sync::Arc;
-use std::time::Duration;
 
 use fleetcal::service::Service;
 use fleetcal_clock::{Clock, SystemClock};
@@ -23,6 +22,7 @@ use fleetcal_domain::approval::{
 use fleetcal_domain::robot::{Mount, RobotConfig, Wheelbase};
 use fleetcal_estimator::{Pose2, VehicleModel};
 use fleetcal_model::Generation;
+use fleetcal_patience::until;
 use fleetcal_ports::free_address;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_proto::signing::{KEY_BYTES, SigningKey, TrustedKeys, sha256_hex};
@@ -41,8 +41,6 @@ const RATE: NonZeroU32 = NonZeroU32::new(4).unwrap();
 const RESIDUAL_MAX_DEG: f64 = 0.1;
 /// Largest part of the gain by which a proposal's promise may be missed.
 const PROMISE_MISSED_MAX: f64 = 0.25;
-/// Longest duration of the whole.
-const PATIENCE: Duration = Duration::from_secs(200);
 
 fn robots() -> Vec<SimulatedRobot> {
     let mut robots = simulated_robots(OFFSETS_DEG.len(), 3).unwrap();
@@ -76,8 +74,11 @@ fn approver() -> Actor {
 /// Approves what waits for a robot, once it waits; gives the cross-track error that it promises.
 async fn approve(service: &Service, robot: &RobotId) -> ExpectedGain {
     let lifecycle = service.lifecycle();
-    until("a proposal", || lifecycle.ledger(robot).open.is_some()).await;
-    until("an expected gain", || promised(service, robot).is_some()).await;
+    until("a proposal is made", || {
+        lifecycle.ledger(robot).open.is_some()
+    })
+    .await;
+    until("a gain is promised", || promised(service, robot).is_some()).await;
     let promise = promised(service, robot).unwrap();
     let open = lifecycle.ledger(robot).open.clone().unwrap();
     let command = Command::Approve {
@@ -113,7 +114,7 @@ async fn verified(service: &Service, robot: &RobotId) {
     let lifecycle = service.lifecycle();
     let state = || lifecycle.ledger(robot).live.clone().map(|live| live.state);
     let mut seen = state();
-    until("verified calibration", || {
+    until("the calibration is verified", || {
         let now = state();
         if now != seen {
             println!("{robot}: {seen:?} -> {now:?}");
@@ -125,16 +126,6 @@ async fn verified(service: &Service, robot: &RobotId) {
         proven
     })
     .await;
-}
-
-async fn until(what: &str, mut is: impl FnMut() -> bool) {
-    let waited = async {
-        while !is() {
-            tokio::time::sleep(Duration::from_millis(200)).await;
-        }
-    };
-    let ended = tokio::time::timeout(PATIENCE, waited).await;
-    assert!(ended.is_ok(), "no {what} within {PATIENCE:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

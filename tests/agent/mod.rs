@@ -9,13 +9,14 @@ mod service;
 
 use std::time::Duration;
 
+use fleetcal_patience::until;
 use fleetcal_proto::calibration::AppliedStatus;
 use fleetcal_tests::binary;
 use tempfile::TempDir;
 
 use link::Link;
 use robot::Robot;
-use service::{Service, approved, key, until};
+use service::{Service, approved, key};
 
 /// Number of kills of the agent.
 const ROUNDS: u64 = 100;

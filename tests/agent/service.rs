@@ -1,7 +1,6 @@
 //! A service's half of the calibration keys, in a router of its own.
 
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
 use fleetcal_model::{Generation, RevisionId, WallTime};
 use fleetcal_ports::free_address;
@@ -16,9 +15,6 @@ use fleetcal_proto::{Keys, RobotId, StreamKind};
 use tokio::sync::mpsc;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::{Session, Wait};
-
-/// Longest wait for a condition.
-const PATIENCE: Duration = Duration::from_secs(45);
 
 fn robot() -> RobotId {
     RobotId::parse("tugger_01").unwrap()
@@ -52,6 +48,7 @@ pub fn approved(generation: u64) -> Envelope {
         values,
         sigmas: CalibrationValues::default(),
         covariance: None,
+        steering_table: None,
         frame: CalibrationFrame::RearAxle,
         confirm_within_s: 600,
         rear_axle_in_base_link: None,
@@ -76,15 +73,6 @@ fn wanted(envelope: &Envelope, question: Option<Question>) -> Offered {
         envelope: envelope.clone(),
         offer: Some(sign(&offer, &key()).unwrap()),
     }
-}
-
-pub async fn until(what: &str, mut done: impl FnMut() -> bool) {
-    let waited = tokio::time::timeout(PATIENCE, async {
-        while !done() {
-            tokio::time::sleep(Duration::from_millis(10)).await;
-        }
-    });
-    assert!(waited.await.is_ok(), "waited in vain until {what}");
 }
 
 #[derive(Default)]

@@ -36,7 +36,8 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// Crates, lowest first.
-pub const CRATES: [Member; 34] = [
+pub const CRATES: [Member; 37] = [
+    member("fleetcal-patience", "tests/patience", ""),
     member("fleetcal-ports", "tests/ports", ""),
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-description", "proto/description", "model"),
@@ -58,21 +59,22 @@ pub const CRATES: [Member; 34] = [
         "service/certificate",
         "domain model proto",
     ),
+    member("fleetcal-rollout", "service/rollout", "domain model proto"),
+    member("fleetcal-cluster", "service/cluster", "domain model proto"),
     member(
         "fleetcal-documents",
         "service/documents",
-        "domain model proto",
+        "cluster domain model proto rollout",
     ),
-    member("fleetcal-cluster", "service/cluster", "domain model proto"),
     member(
         "fleetcal-store",
         "service/store",
-        "clock cluster domain model proto",
+        "clock cluster domain model proto rollout",
     ),
     member(
         "fleetcal-sql",
         "service/sql",
-        "cluster domain model proto store",
+        "cluster domain model proto rollout store",
     ),
     member("fleetcal-folder", "service/folder", "model proto store"),
     member(
@@ -88,7 +90,7 @@ pub const CRATES: [Member; 34] = [
     member(
         "fleetcal-contract",
         "service/contract",
-        "clock cluster domain model ports postgres proto sqlite store",
+        "clock cluster domain model ports postgres proto rollout sqlite store",
     ),
     member(
         "fleetcal-fleet",
@@ -98,7 +100,7 @@ pub const CRATES: [Member; 34] = [
     member(
         "fleetcal-operations",
         "service/operations",
-        "certificate clock cluster domain estimator fleet model proto robot store",
+        "certificate clock cluster domain estimator fleet model proto robot rollout store",
     ),
     member(
         "fleetcal-moments",
@@ -110,12 +112,13 @@ pub const CRATES: [Member; 34] = [
         "service/link",
         "clock cluster domain fleet model operations proto",
     ),
+    member("fleetcal-statistics", "service/statistics", "model"),
     member("fleetcal-view", "service/view", "domain model"),
     member("fleetcal-http", "service/http", "clock domain"),
     member(
         "fleetcal-requests",
         "service/requests",
-        "domain fleet http model operations proto store",
+        "domain fleet http model operations proto rollout store",
     ),
     member(
         "fleetcal-metrics",
@@ -125,8 +128,8 @@ pub const CRATES: [Member; 34] = [
     member(
         "fleetcal-api",
         "service/api",
-        "certificate clock cluster documents domain estimator fleet http metrics model moments operations proto requests store \
-         support view",
+        "certificate clock cluster documents domain estimator fleet http metrics model moments operations proto requests \
+         rollout statistics store support view",
     ),
     member(
         "fleetcal-config",

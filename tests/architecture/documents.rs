@@ -62,6 +62,21 @@ pub fn commits(text: &str) -> Vec<&str> {
     parts.filter(is_id).collect()
 }
 
+/// Largest number of words of a document, or of all in a folder, generated ones included.
+pub const WORDS_MAX: &[(&str, usize)] = &[
+    ("README.md", 600),
+    ("ARCHITECTURE.md", 1_800),
+    ("estimator/README.md", 2_000),
+    ("docs", 40_000),
+];
+
+/// Returns the number of words of a text: what white space separates and holds a letter. Figures
+/// and rules of tables are none.
+pub fn words(text: &str) -> usize {
+    let has_letter = |word: &&str| word.chars().any(char::is_alphabetic);
+    text.split_whitespace().filter(has_letter).count()
+}
+
 /// Links of a document, and the anchors of its headings.
 #[derive(Debug, Default)]
 pub struct Document {

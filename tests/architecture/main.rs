@@ -292,6 +292,8 @@ fn pure_crates_touch_no_outside_world() {
         "service/cluster",
         "service/domain",
         "service/limits",
+        "service/rollout",
+        "service/statistics",
         "service/view",
     ] {
         for word in [
@@ -379,6 +381,29 @@ fn no_document_but_a_generated_one_names_a_commit() {
     let planted =
         "Of 600 robots (4c6d5ed) none; see https://example.org/a/4c6d5ed0, 1234567, defaced.";
     assert_eq!(documents::commits(planted), ["4c6d5ed"]);
+}
+
+#[test]
+fn documents_are_short_enough_to_be_read() {
+    for &(path, most) in documents::WORDS_MAX {
+        let whole = root().join(path);
+        let files = if whole.is_dir() {
+            texts(&whole)
+        } else {
+            vec![whole]
+        };
+        let documents = files
+            .iter()
+            .filter(|file| file.extension().is_some_and(|ending| ending == "md"));
+        let words: usize = documents
+            .map(|file| documents::words(&fs::read_to_string(file).unwrap()))
+            .sum();
+        assert!(
+            (most / 2..=most).contains(&words),
+            "{path} has {words} words of at most {most}"
+        );
+    }
+    assert_eq!(documents::words("| 1.25 | --- | two words |"), 2);
 }
 
 #[test]

@@ -59,7 +59,7 @@ fn a_simulated_recording_is_calibrated_to_its_truth() {
     ];
     assert_near(&report, &cases, 4.0, [0.0; 2]);
     assert_eq!(report["robot"], "tugger_01");
-    assert_eq!(report["schema_version"], 1);
+    assert_eq!(report["schema_version"], 2);
     assert!(report["timing"]["realtime_factor"].as_f64().unwrap() > 1.0);
     let report: CalibrationReport = serde_json::from_value(report).unwrap();
     for (name, parameter) in report.parameters.iter() {

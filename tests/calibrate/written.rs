@@ -11,6 +11,44 @@ use tempfile::TempDir;
 
 use super::{assert_refused, calibrate};
 
+/// Checks what a report says, and that it loads nothing.
+fn assert_needs_nothing_else(html: &str) {
+    // Five parameters, NIS, three innovations and the path, each with its numbers.
+    assert!(html.matches("<svg").count() >= 10, "figures");
+    assert_eq!(
+        html.matches("<svg").count(),
+        html.matches("<details>").count()
+    );
+    for told in [
+        "The model explains the data",
+        "NIS, the normalised innovation squared",
+        "Innovation in yaw",
+        "<h2>Events</h2>",
+        "<h2>Correlations</h2>",
+        "light-dark(",
+        concat!("by fleetcal ", env!("CARGO_PKG_VERSION")),
+        " UTC",
+    ] {
+        assert!(html.contains(told), "{told}");
+    }
+    assert!(html.contains("robot &lt;b&gt;.mcap") && !html.contains("robot <b>"));
+    for foreign in ["<script", "<link", "<img", "src=", "@import", "url("] {
+        assert!(!html.contains(foreign), "{foreign}");
+    }
+    assert!(html.contains("default-src 'none'"));
+    // Letters of the figures are readable where a phone shows the figure as narrow as it may be.
+    let number = |text: &str| -> f64 {
+        let end = text.find(|c: char| c != '.' && !c.is_ascii_digit());
+        text[..end.unwrap()].parse().unwrap()
+    };
+    let after = |mark: &str| number(html.split_once(mark).unwrap().1);
+    let shown = after("svg{min-width:") / after("viewBox=\"0 0 ");
+    let letters: Vec<f64> = html.split("font-size=\"").skip(1).map(number).collect();
+    assert!(letters.len() > 50);
+    let smallest_px = letters.into_iter().fold(f64::MAX, f64::min) * shown;
+    assert!(smallest_px > 11.9, "{smallest_px} px");
+}
+
 #[test]
 fn the_report_needs_nothing_else_and_the_session_holds_what_was_found() {
     let folder = TempDir::new().unwrap();
@@ -32,25 +70,7 @@ fn the_report_needs_nothing_else_and_the_session_holds_what_was_found() {
     ];
     let found = binary::run_json([["calibrate", recorded].as_slice(), &flags].concat());
 
-    let html = fs::read_to_string(&page).unwrap();
-    assert!(html.matches("<svg").count() >= 6, "figures");
-    assert!(html.contains("robot &lt;b&gt;.mcap") && !html.contains("robot <b>"));
-    for foreign in ["<script", "<link", "<img", "src=", "@import", "url("] {
-        assert!(!html.contains(foreign), "{foreign}");
-    }
-    assert!(html.contains("default-src 'none'"));
-    // Letters of the figures are readable where a phone shows the figure as narrow as it may be.
-    let number = |text: &str| -> f64 {
-        let end = text.find(|c: char| c != '.' && !c.is_ascii_digit());
-        text[..end.unwrap()].parse().unwrap()
-    };
-    let after = |mark: &str| number(html.split_once(mark).expect(mark).1);
-    let shown = after("svg{min-width:") / after("viewBox=\"0 0 ");
-    let letters: Vec<f64> = html.split("font-size=\"").skip(1).map(number).collect();
-    assert!(letters.len() > 50);
-    let smallest_px = letters.into_iter().fold(f64::MAX, f64::min) * shown;
-    assert!(smallest_px > 11.9, "{smallest_px} px");
-
+    assert_needs_nothing_else(&fs::read_to_string(&page).unwrap());
     let session = Recording::open(&session).unwrap();
     let original = Recording::open(&path).unwrap();
     let count = |recording: &Recording, topic: &str| recording.count(&[topic]);

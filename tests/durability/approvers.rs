@@ -41,6 +41,7 @@ async fn decide(
     by: &str,
 ) -> Result<Decided, StoreError> {
     let decision = Decide {
+        release: None,
         robot: robot.clone(),
         command,
         actor: person(by),

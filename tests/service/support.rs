@@ -6,6 +6,7 @@ use std::process::Command;
 
 use fleetcal_robot::fleet::{record_wrong, simulated_robots};
 use fleetcal_robot::simulator::WrongInput;
+use fleetcal_tests::binary;
 use fleetcal_tests::service::{Service, wait_for};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -38,6 +39,7 @@ fn listed(service: &Service, recording: &str) -> Vec<String> {
         "about.json",
         "robot.json",
         "estimate.json",
+        "innovations.json",
         "checks.json",
         "shadow.json",
         "events.json",
@@ -48,6 +50,39 @@ fn listed(service: &Service, recording: &str) -> Vec<String> {
     }
     names.sort_unstable();
     names
+}
+
+/// Writes the same bundle by the command, which lists it first and needs a token.
+fn written_by_the_command(service: &Service, token: &str, listed: &[String], folder: &Path) {
+    let zip = folder.join("by_command.zip");
+    let run = |token: &str, more: &[&str]| {
+        let mut command = Command::new(binary::path());
+        command.args(["support", "tugger_01", "--url", &service.url(), "--to"]);
+        command.arg(&zip).args(more).env("FLEETCAL_TOKEN", token);
+        command.output().unwrap()
+    };
+    let refused = run("", &[]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--token-file"));
+    let refused = run("cal_nobody", &[]);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(2), "{said}");
+    assert!(said.contains("401"), "{said}");
+    let names = |printed: &[u8]| -> Vec<String> {
+        let printed = String::from_utf8_lossy(printed);
+        let name = |line: &str| line.split_whitespace().nth(1).unwrap().to_owned();
+        let mut names: Vec<_> = printed.lines().map(name).collect();
+        names.sort_unstable();
+        names
+    };
+    let only_listed = run(token, &["--list"]);
+    assert!(only_listed.status.success() && !zip.exists());
+    assert_eq!(names(&only_listed.stdout), listed);
+    let written = run(token, &[]);
+    assert!(written.status.success());
+    let files = unpacked(&zip);
+    assert!(files.as_object().unwrap().keys().eq(listed));
+    assert!(String::from_utf8_lossy(&written.stdout).contains("written to"));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -82,6 +117,7 @@ async fn a_support_bundle_has_what_it_lists_and_no_secret() {
         .arg(format!("{}/api/v1/robots/tugger_01/support", service.url()))
         .status();
     assert!(fetched.unwrap().success());
+    written_by_the_command(&service, &token, &listed, folder.path());
     let files = unpacked(&zip);
     let files = files.as_object().unwrap();
     assert!(files.keys().eq(&listed), "{listed:?}");

@@ -61,7 +61,7 @@ async function freePort(): Promise<number> {
 }
 
 /** The binary to be tested. */
-function binary(): string {
+export function binary(): string {
   const path = process.env.FLEETCAL_BIN;
   if (!path) throw new Error('FLEETCAL_BIN must name the fleetcal binary to be tested');
   return path;

@@ -52,8 +52,16 @@ test('a bracket is replaced, and the phone leads to "changed" with its value', a
   await expect(page.getByText('by ada: Bracket')).toBeVisible();
   await expect(verdict).not.toContainText(/Changed|Unchanged/);
 
+  // Another phone shows the same, as long as it lasts.
+  const other = await browser.newContext({ ...phone, viewport: { width: 320, height: 640 } });
+  const second = await other.newPage();
+  await second.goto('/robots/tugger_01/guide');
+  const theirs = second.getByRole('status').filter({ has: second.getByRole('heading') });
+  await expect(second.getByText('by ada: Bracket')).toBeVisible();
+
   service.simulate(1, TURNED_DEG);
-  await expect(verdict).toContainText('Not known yet');
+  await Promise.all([verdict, theirs].map((shown) => expect(shown).toContainText('Not known yet')));
+  expect(await sideways(second)).toBe(0);
   await expect(answer('May I drive?')).toHaveText('Yes, by hand');
   await expect(answer('Am I done?')).toHaveText(/^No, \d of 4 known$/);
   const drawing = page.getByRole('region', { name: 'What to drive' });
@@ -71,15 +79,6 @@ test('a bracket is replaced, and the phone leads to "changed" with its value', a
     expect((await button.boundingBox())?.height).toBeGreaterThanOrEqual(TOUCH_PX);
   }
   await accessible(page);
-
-  // Another phone shows the same.
-  const other = await browser.newContext({ ...phone, viewport: { width: 320, height: 640 } });
-  const second = await other.newPage();
-  await second.goto('/robots/tugger_01/guide');
-  const theirs = second.getByRole('status').filter({ has: second.getByRole('heading') });
-  await expect(theirs).toContainText('Not known yet');
-  await expect(second.getByText('by ada: Bracket')).toBeVisible();
-  expect(await sideways(second)).toBe(0);
 
   for (const shown of [verdict, theirs]) {
     await expect(shown).toContainText(/Changed.*LiDAR yaw by 1\.[12]\d*°/, {

@@ -7,6 +7,8 @@ const PAGES = [
   ['/', 'Fleet'],
   ['/approvals', 'Approvals'],
   ['/approvals?show=decided', 'Approvals'],
+  ['/rollouts', 'Roll-outs'],
+  ['/rollouts/new', 'New roll-out'],
   ['/alerts', 'Alerts'],
   ['/alerts?state=normal', 'Alerts'],
   ['/audit', 'Audit'],

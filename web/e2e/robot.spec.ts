@@ -2,13 +2,15 @@ import { readFile } from 'node:fs/promises';
 import { letters } from './canvas';
 import { accessible, expect, legible, openPart, sideways, test } from './fixtures';
 
+/** Charts of NIS and of the three innovations. */
+const OF_CONSISTENCY = 4;
 const CHARTS = ['Steering offset', 'LiDAR x', 'LiDAR y', 'LiDAR yaw'];
 
 test.beforeEach(async ({ page }) => {
   await page.goto('/');
   await page.getByRole('rowheader').first().getByRole('link').click();
   await openPart(page, 'History');
-  await expect(page.getByRole('figure')).toHaveCount(CHARTS.length);
+  await expect(page.getByRole('figure')).toHaveCount(CHARTS.length + OF_CONSISTENCY);
 });
 
 test('it answers first: verdict, next step, deviation and gain, then parts with addresses', async ({
@@ -100,7 +102,7 @@ test('the axes have letters of 12 px at every pixel ratio, and none is cut off',
     const screen = await context.newPage();
     const drawn = await letters(screen);
     await screen.goto(`${robot}?show=history`);
-    await expect(screen.getByRole('figure')).toHaveCount(CHARTS.length);
+    await expect(screen.getByRole('figure')).toHaveCount(CHARTS.length + OF_CONSISTENCY);
     await expect
       .poll(async () => (await drawn()).filter(({ text }) => /^\d\d:\d\d/.test(text)).length)
       .toBeGreaterThan(CHARTS.length);

@@ -19,6 +19,21 @@ test('a view of the fleet stands in its address', async ({ page, account }) => {
   const names = async () =>
     (await rows.getByRole('rowheader').getByRole('link').allInnerTexts()).map((one) => one.trim());
 
+  // The groups of all robots, and what differs: nothing is known yet.
+  await page.goto('/');
+  const common = page.locator('section').filter({
+    has: page.getByRole('heading', { name: 'What robots have in common' }),
+  });
+  await expect(common).toContainText('No site or tag differs');
+  await common.getByText('Values by group').click();
+  await expect(common.getByRole('row', { name: /^tricycle 3 0 0 not known/ })).toBeVisible();
+  await common.getByLabel('Group by').selectOption('Site');
+  await expect(common.getByRole('row', { name: /^Hamburg 3/ })).toBeVisible();
+  await accessible(page);
+  await common.getByRole('link', { name: 'Hamburg' }).click();
+  await expect(page).toHaveURL(/\?q=site%3A%22Hamburg%22$/);
+  await expect.poll(names).toEqual(['agv_1', 'agv_2', 'agv_10']);
+
   await page.goto('/?q=site:hamburg+model:tricycle');
   await expect.poll(names).toEqual(['agv_1', 'agv_10']);
   await expect(page.getByText('2 of 4 robots found.')).toBeVisible();
@@ -73,4 +88,36 @@ test('a view of the fleet stands in its address', async ({ page, account }) => {
   expect(await sideways(page)).toBe(0);
   await accessible(page);
   account.forgive(/status of 400/);
+});
+
+test('a common cause is said with the robots that share it, and a robot unlike its type', async ({
+  page,
+}) => {
+  // Forty robots with converged values take too long here: what the service would name is given.
+  await page.route(/\/api\/v1\/fleet\/statistics\b/, async (route) => {
+    const response = await route.fetch();
+    const jig = ['agv_1', 'agv_2', 'agv_10'];
+    const shifts = [{ parameter: 'lidar_yaw', shift: 0.015, probability: 1e-7 }];
+    const cause = { kind: 'EKX 516', by: 'tag', group: 'jig 3', robots: jig, others: 28, shifts };
+    const unlike = { robot: 'tug_1', kind: 'EKX 516', others: 30, parameter: 'lidar_x' };
+    const json = {
+      ...((await response.json()) as object),
+      common_causes: [cause],
+      unlike: [{ ...unlike, difference: -0.0754, spread: 0.004 }],
+    };
+    await route.fulfill({ response, json });
+  });
+  await page.goto('/');
+  const said = page.locator('section').filter({
+    has: page.getByRole('heading', { name: 'What robots have in common' }),
+  });
+  await expect(said.getByRole('listitem').first()).toHaveText(
+    '3 of 31 EKX 516 share the tag jig 3 and differ from the others: LiDAR yaw +0.859°.',
+  );
+  await expect(said.getByRole('listitem').last()).toHaveText(
+    'tug_1 is unlike 30 others of EKX 516: LiDAR x −75.4 mm, where they spread by ±4.0 mm.',
+  );
+  await said.getByRole('link', { name: 'jig 3' }).click();
+  await expect(page).toHaveURL(/\?q=tag%3A%22jig%203%22$/);
+  await accessible(page);
 });

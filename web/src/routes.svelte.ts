@@ -9,6 +9,9 @@ export type Route =
   | { page: 'guide'; id: string }
   | { page: 'approvals' }
   | { page: 'proposal'; id: number }
+  | { page: 'rollouts' }
+  | { page: 'new_rollout' }
+  | { page: 'rollout'; id: number }
   | { page: 'alerts' }
   | { page: 'audit' }
   | { page: 'certificates' }
@@ -23,6 +26,8 @@ export type Route =
 const PLAIN: Record<string, Route> = {
   '/': { page: 'fleet' },
   '/approvals': { page: 'approvals' },
+  '/rollouts': { page: 'rollouts' },
+  '/rollouts/new': { page: 'new_rollout' },
   '/alerts': { page: 'alerts' },
   '/audit': { page: 'audit' },
   '/certificates': { page: 'certificates' },
@@ -46,6 +51,9 @@ export function route(path: string): Route {
   if (folder === 'approvals' && name && /^\d{1,15}$/.test(name)) {
     return { page: 'proposal', id: Number(name) };
   }
+  if (folder === 'rollouts' && name && /^\d{1,15}$/.test(name)) {
+    return { page: 'rollout', id: Number(name) };
+  }
   if (folder === 'settings') {
     const of = SETTINGS.find((setting) => setting === name);
     return of ? { page: 'settings', of } : missing;
@@ -61,6 +69,16 @@ export function route(path: string): Route {
 /** Returns the address of a proposal's page. */
 export function proposalPath(id: number): string {
   return `/approvals/${id}`;
+}
+
+/** Returns the address of a roll-out's page. */
+export function rolloutPath(id: number): string {
+  return `/rollouts/${id}`;
+}
+
+/** Returns the address of a view of the fleet. */
+export function fleetPath(q: string): string {
+  return q === '' ? '/' : `/?${new URLSearchParams({ q })}`;
 }
 
 /** Returns the address of a robot's page. */

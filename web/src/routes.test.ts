@@ -14,6 +14,10 @@ describe('routes', () => {
     expect(route('/approvals')).toEqual({ page: 'approvals' });
     expect(route('/approvals/12')).toEqual({ page: 'proposal', id: 12 });
     expect(route('/approvals/twelve')).toMatchObject({ page: 'missing' });
+    expect(route('/rollouts')).toEqual({ page: 'rollouts' });
+    expect(route('/rollouts/new')).toEqual({ page: 'new_rollout' });
+    expect(route('/rollouts/3')).toEqual({ page: 'rollout', id: 3 });
+    expect(route('/rollouts/three')).toMatchObject({ page: 'missing' });
     expect(route('/settings')).toEqual({ page: 'settings', of: 'policy' });
     expect(route('/settings/tokens')).toEqual({ page: 'settings', of: 'tokens' });
     expect(route('/settings/everything')).toMatchObject({ page: 'missing' });

@@ -188,7 +188,7 @@ impl Calibrator {
         };
         let followed = follower.follow(reading, &self.drive, &self.config.settings);
         if let Followed::Updated(moved) = followed {
-            self.session.count_update(&moved);
+            self.session.count_update(reading.stamp, &moved);
         }
     }
 

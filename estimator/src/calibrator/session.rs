@@ -5,7 +5,9 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use crate::drive_history::GAP_MIN_S;
-use crate::estimate::{Change, ChangeKind, Consistency, Counts, ParameterEstimates, Segment};
+use crate::estimate::{
+    Change, ChangeKind, Consistency, Counts, Innovation, ParameterEstimates, Segment,
+};
 use crate::excitation::Excitation;
 use crate::filter::follow::Moved;
 use crate::filter::{Values, apart, padded};
@@ -23,6 +25,8 @@ const IMPOSSIBLE_STEERING_WINDOW: f64 = 500.0;
 const IMPOSSIBLE_STEERING_SHARE_MAX: f64 = 0.005;
 /// Readings over which NIS is averaged.
 const NIS_WINDOW: usize = 200;
+/// Degrees of freedom of one update: a motion in the plane.
+const NIS_DOF: f64 = 3.0;
 /// Most changes kept of a session.
 const CHANGES_MAX: usize = 64;
 /// Most of them in a checkpoint, the latest: each needs some 190 bytes, and 10 kB are there for
@@ -45,6 +49,9 @@ pub(super) struct Session {
     /// NIS of recent updates, in single precision, which is plenty for a mean: they are a tenth of
     /// a checkpoint.
     recent_nis: VecDeque<f32>,
+    /// The latest innovation.
+    #[serde(default)]
+    innovation: Option<Innovation>,
     pub changes: Vec<Change>,
     pub segments: Vec<Segment>,
     /// The parameters before the last change, from which its amount is computed.
@@ -123,6 +130,7 @@ impl Session {
     pub fn unlearn(&mut self) {
         self.excitation = Excitation::default();
         self.recent_nis.clear();
+        self.innovation = None;
         self.values_before = None;
         self.unsized_change = false;
     }
@@ -135,8 +143,15 @@ impl Session {
         }
     }
 
-    pub fn count_update(&mut self, moved: &Moved) {
+    pub fn count_update(&mut self, stamp_ns: RobotTime, moved: &Moved) {
         self.excitation.add(moved.distance_m, moved.turn_rad);
+        let steered = &mut self.excitation.steered;
+        steered.add(moved.distance_m, moved.steering_rad);
+        self.innovation = Some(Innovation {
+            stamp_ns,
+            residual: moved.innovation.residual.into(),
+            sigma: moved.innovation.sigmas.into(),
+        });
         self.recent_nis.push_back(moved.innovation.nis as f32);
         if self.recent_nis.len() > NIS_WINDOW {
             self.recent_nis.pop_front();
@@ -146,15 +161,12 @@ impl Session {
     pub fn consistency(&self) -> Consistency {
         let samples = self.recent_nis.len() as u64;
         let sum: f64 = self.recent_nis.iter().copied().map(f64::from).sum();
-        Consistency {
-            nis_mean: if samples == 0 {
-                0.0
-            } else {
-                sum / samples as f64
-            },
-            nis_dof: 3.0,
-            samples,
-        }
+        let nis_mean = if samples == 0 {
+            0.0
+        } else {
+            sum / samples as f64
+        };
+        Consistency::of(nis_mean, NIS_DOF, samples, self.innovation)
     }
 
     /// Start of the current stretch of an unchanged vehicle, s.

@@ -8,6 +8,7 @@
 
 mod compound;
 pub mod encoder;
+mod steering_table;
 pub mod withheld;
 
 use encoder::EncoderVariance;

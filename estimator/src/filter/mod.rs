@@ -73,7 +73,10 @@ struct Anchor {
 pub struct Innovation {
     /// `log(h^-1 z)`: measured less predicted LiDAR motion, in the LiDAR's frame.
     pub residual: Vector3<f64>,
-    /// Normalised innovation squared, 3 degrees of freedom.
+    /// Standard deviations of the residual with the noise as configured: the learnt noise would make
+    /// any model look consistent.
+    pub sigmas: Vector3<f64>,
+    /// Normalised innovation squared with the noise as configured, 3 degrees of freedom.
     pub nis: f64,
 }
 
@@ -284,6 +287,11 @@ impl Filter {
         let predicted = jacobian * cross;
         let mut noise = reading.covariance * self.noise_scale;
         let nis = normalised_square(&(predicted + noise), &residual)?;
+        let innovation = Innovation {
+            residual,
+            sigmas: ((predicted + noise).diagonal() / self.noise_scale).map(f64::sqrt),
+            nis: nis * self.noise_scale,
+        };
         self.learn_noise(nis);
         if nis > NIS_FULL_WEIGHT_MAX {
             noise = widened(&noise, &predicted, nis);
@@ -307,7 +315,7 @@ impl Filter {
         if let Some(fresh) = fresh {
             self.take_anchor(reading, &fresh);
         }
-        Some(Innovation { residual, nis })
+        Some(innovation)
     }
 
     /// Opens parameters again after a change: adds uncertainty to them, and forgets their

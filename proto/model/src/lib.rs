@@ -6,6 +6,7 @@
 //! SI units and radians; units stand last in names. Transforms are named `a_from_b`.
 
 pub mod change;
+pub mod consistency;
 pub mod covariance;
 pub mod label;
 pub mod number;
@@ -13,21 +14,24 @@ pub mod parameter;
 pub mod plane;
 pub mod robot_id;
 pub mod sigma;
+pub mod steering_table;
 pub mod stream;
 pub mod time;
 pub mod vehicle;
 
 pub use change::{Cause, ChangeKind, Detection, DetectionState, NoteKind};
+pub use consistency::{Consistency, Innovation, ModelFit};
 pub use covariance::CalibrationCovariance;
 pub use label::{LABEL_CHARS_MAX, Label, LabelRefused, TAGS_MAX, Tags};
 pub use number::{
     AlertId, AuditId, DeliveryId, DeploymentId, EventId, Generation, ProposalId, RevisionId,
-    TokenId, UserId, Version, WebhookId,
+    RolloutId, TokenId, UserId, Version, WebhookId,
 };
-pub use parameter::{Consistency, Counts, Motions, Parameter, ParameterStatus, Unit};
+pub use parameter::{Counts, Motions, Parameter, ParameterStatus, Unit};
 pub use plane::{Point, Pose2, wrap_angle_rad};
 pub use robot_id::{RobotId, RobotIdRefused};
 pub use sigma::{SigmaEffect, SigmaSource, SigmaTerm};
+pub use steering_table::{SteeringPoint, SteeringTable, SteeringTableStatus};
 pub use stream::Stream;
 pub use time::{RobotTime, WallTime};
 pub use vehicle::{SpeedMeasuredAt, VehicleModel};

@@ -51,6 +51,8 @@ numbers! {
     ProposalId(u64);
     /// Number of a deployment.
     DeploymentId(u64);
+    /// Number of a roll-out.
+    RolloutId(u64);
     /// Number of an alert.
     AlertId(u64);
     /// Number of a webhook.

@@ -124,18 +124,6 @@ pub enum ParameterStatus {
     Off,
 }
 
-/// Consistency of the filter's innovations with their expected covariance.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub struct Consistency {
-    /// Mean normalised innovation squared over the recent updates.
-    pub nis_mean: f64,
-    /// Its expectation: the degrees of freedom of one update.
-    pub nis_dof: f64,
-    /// Number of updates in the mean.
-    pub samples: u64,
-}
-
 /// Numbers of messages since the session began.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]

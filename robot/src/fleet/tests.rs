@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use fleetcal_model::{Generation, RevisionId, WallTime};
+use fleetcal_patience::until;
 use fleetcal_ports::free_address;
 use fleetcal_proto::calibration::{
     Applied as Acknowledgement, AppliedStatus, CalibrationDocument, CalibrationFrame,
@@ -16,14 +17,12 @@ use fleetcal_proto::offer::{OfferDocument, OfferSchema, Offered, Question};
 use fleetcal_proto::ros::{DriveSamples, LaserScan};
 use fleetcal_proto::signing::{SigningKey, seal, sign};
 use fleetcal_proto::{Encoding, Keys, RosMessage};
-use tokio::time::timeout;
 use zenoh::sample::SampleKind;
 
 use super::*;
 use crate::simulator::{LidarOutput, LidarSettings, PoseSettings};
 
 const START_NS: i64 = 1_760_000_000_000_000_000;
-const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Opens a router on a free port of the loopback.
 async fn router() -> (zenoh::Session, String) {
@@ -74,15 +73,6 @@ async fn collect(session: &zenoh::Session, key: &str, encoding: Encoding) -> Pay
     payloads
 }
 
-async fn until(what: &str, done: impl Fn() -> bool) {
-    let waited = timeout(PATIENCE, async {
-        while !done() {
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
-    });
-    assert!(waited.await.is_ok(), "waited in vain until {what}");
-}
-
 fn key() -> SigningKey {
     SigningKey::from_bytes(&[3; 32])
 }
@@ -120,6 +110,7 @@ fn envelope_of(
         values,
         sigmas: values,
         covariance: None,
+        steering_table: None,
         frame: CalibrationFrame::RearAxle,
         confirm_within_s,
         rear_axle_in_base_link: None,

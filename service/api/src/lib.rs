@@ -23,6 +23,7 @@ mod live_event;
 mod metrics;
 mod request_head;
 mod robots;
+mod rollouts;
 mod rows;
 mod serving;
 mod standings;
@@ -179,6 +180,7 @@ impl ApiState {
         (name = "robots", description = "Robots, their calibration and their history"),
         (name = "access", description = "Signing in, users and tokens"),
         (name = "approval", description = "Proposals, approvals, deployments and verification"),
+        (name = "rollouts", description = "Staged deployments of pending proposals, in waves"),
         (name = "alerts", description = "Alerts, their acknowledgement, and webhooks"),
         (name = "live", description = "Live updates"),
         (name = "service", description = "The service itself"),
@@ -252,6 +254,7 @@ fn documented() -> OpenApiRouter<ApiState> {
         .merge(bulk::routes())
         .merge(access::routes())
         .merge(approval::routes())
+        .merge(rollouts::routes())
         .merge(certificates::routes())
         .merge(alerts::routes())
         .merge(webhooks::routes())

@@ -37,6 +37,8 @@ pub(super) enum LiveEvent<'a> {
     Freeze(NoData),
     /// Change of the approval policy.
     Policy(NoData),
+    /// Change of a roll-out.
+    Rollout(NoData),
     /// First event of a new client.
     Ready(NoData),
     /// Request to reload, as the client missed updates; the first event of a client that returns
@@ -73,6 +75,7 @@ impl<'a> LiveEvent<'a> {
             LiveUpdate::Alert { alert, .. } => Self::Alert(AlertDocument::of(alert)),
             LiveUpdate::Freeze => Self::Freeze(NoData {}),
             LiveUpdate::Policy => Self::Policy(NoData {}),
+            LiveUpdate::Rollout => Self::Rollout(NoData {}),
             LiveUpdate::Event {
                 robot,
                 event,
@@ -96,9 +99,11 @@ impl<'a> LiveEvent<'a> {
             Self::Event(event) => serde_json::to_string(event),
             Self::Approval(update) => serde_json::to_string(update),
             Self::Alert(alert) => serde_json::to_string(alert),
-            Self::Freeze(none) | Self::Policy(none) | Self::Ready(none) | Self::Resync(none) => {
-                serde_json::to_string(none)
-            }
+            Self::Freeze(none)
+            | Self::Policy(none)
+            | Self::Rollout(none)
+            | Self::Ready(none)
+            | Self::Resync(none) => serde_json::to_string(none),
         };
         written
             .inspect_err(|error| tracing::error!(%error, "a live update cannot be written"))
@@ -114,6 +119,6 @@ pub(super) fn robot_of(update: &LiveUpdate) -> Option<&RobotId> {
         | LiveUpdate::Approval { robot }
         | LiveUpdate::Event { robot, .. } => Some(robot),
         LiveUpdate::Alert { robot, .. } => robot.as_ref(),
-        LiveUpdate::Freeze | LiveUpdate::Policy => None,
+        LiveUpdate::Freeze | LiveUpdate::Policy | LiveUpdate::Rollout => None,
     }
 }

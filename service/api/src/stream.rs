@@ -190,7 +190,8 @@ impl Writer {
             LiveUpdate::Estimate { .. }
             | LiveUpdate::Event { .. }
             | LiveUpdate::Freeze
-            | LiveUpdate::Policy => None,
+            | LiveUpdate::Policy
+            | LiveUpdate::Rollout => None,
         };
         if let Some(state) = state {
             self.tell_state(state);

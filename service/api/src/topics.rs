@@ -20,7 +20,7 @@ enum Topic {
     Alerts,
     /// Changes of a robot's proposals, deployments or shadow.
     Approvals,
-    /// Changes of the policy or the deployment freeze.
+    /// Changes of the policy, the deployment freeze or a roll-out.
     Deployments,
 }
 
@@ -98,7 +98,9 @@ impl Topics {
             EventName::Estimate | EventName::Event => of_robot(),
             EventName::Approval => self.has(&Topic::Approvals) || of_robot(),
             EventName::Alert => self.has(&Topic::Alerts) || of_robot(),
-            EventName::Freeze | EventName::Policy => self.has(&Topic::Deployments),
+            EventName::Freeze | EventName::Policy | EventName::Rollout => {
+                self.has(&Topic::Deployments)
+            }
         }
     }
 }
@@ -141,7 +143,7 @@ mod tests {
         assert_eq!(sorted(heard("robot:a", Some("a"))), of(&whole));
         assert_eq!(sorted(heard("robot:a", Some("b"))), of(&[]));
         let base = "alerts,approvals,deployments";
-        let told = ["approval", "alert", "freeze", "policy"];
+        let told = ["approval", "alert", "freeze", "policy", "rollout"];
         assert_eq!(sorted(heard(base, Some("b"))), of(&told));
     }
 

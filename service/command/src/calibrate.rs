@@ -69,7 +69,7 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
     let mut report = finished.report;
     report.description = robot.description;
     if let (Some(path), Some(session)) = (&arguments.report, &finished.session) {
-        report::write(path, &arguments.recording, &report, session)?;
+        report::write(path, &arguments.recording, &report, session, clock.now())?;
     }
     if arguments.json {
         print_json(&report)

@@ -1,6 +1,6 @@
 //! The result of a calibration as a person reads it: degrees and millimetres.
 
-use fleetcal_fleet::words::{event, word};
+use fleetcal_fleet::words::{event, fit, word};
 use fleetcal_model::{Parameter, ParameterStatus, Unit};
 use fleetcal_proto::description::DescriptionDocument;
 use fleetcal_proto::estimate::{CalibrationReport, ParameterDocument};
@@ -134,8 +134,11 @@ fn tail(report: &CalibrationReport) -> Vec<String> {
     let (consistency, timing) = (&report.consistency, &report.timing);
     vec![
         format!(
-            "consistency      NIS {:.2}, {:.0} expected, over {} updates",
-            consistency.nis_mean, consistency.nis_dof, consistency.samples
+            "consistency      NIS {:.2}, {:.0} expected, over {} updates: {}",
+            consistency.nis_mean,
+            consistency.nis_dof,
+            consistency.samples,
+            fit(consistency)
         ),
         format!(
             "timing           {:.2} ms a scan (99 % under {:.2} ms), {:.2} s of CPU time, {:.0} \

@@ -1,9 +1,16 @@
-//! Documents that the HTTP API answers with about the life cycle of calibrations, made from its
-//! records. It knows no route.
+//! Documents that the HTTP API answers with about the life cycle of calibrations, roll-outs and
+//! the instances of a cluster, made from their records. It knows no route.
 
 mod approval;
+mod cluster;
+mod rollout;
 
 pub use approval::{
     Beside, CalibrationSummary, DeploymentDocument, ProposalDocument, RevisionDocument,
     ShadowDocument,
+};
+pub use cluster::ClusterDocument;
+pub use rollout::{
+    LeftOutDocument, PlanDocument, PlannedRobot, PlannedWave, RolloutDocument, RolloutPage,
+    RolloutRequest,
 };

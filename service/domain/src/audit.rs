@@ -64,6 +64,24 @@ pub enum Action {
     /// End of a deployment freeze.
     #[strum(serialize = "freeze.end")]
     EndFreeze,
+    /// Start of a roll-out.
+    #[strum(serialize = "rollout.start")]
+    StartRollout,
+    /// Pause of a roll-out.
+    #[strum(serialize = "rollout.pause")]
+    PauseRollout,
+    /// Continuation of a roll-out.
+    #[strum(serialize = "rollout.resume")]
+    ResumeRollout,
+    /// Halt of a roll-out.
+    #[strum(serialize = "rollout.halt")]
+    HaltRollout,
+    /// Begin of a roll-out's next wave.
+    #[strum(serialize = "rollout.begin_wave")]
+    BeginWave,
+    /// End of a roll-out.
+    #[strum(serialize = "rollout.finish")]
+    FinishRollout,
     /// Change of the approval policy.
     #[strum(serialize = "policy.change")]
     ChangePolicy,
@@ -99,6 +117,12 @@ impl Action {
             Self::AcknowledgeAlert => "alert",
             Self::CreateWebhook | Self::DeleteWebhook => "webhook",
             Self::BeginFreeze | Self::EndFreeze => "freeze",
+            Self::StartRollout
+            | Self::PauseRollout
+            | Self::ResumeRollout
+            | Self::HaltRollout
+            | Self::BeginWave
+            | Self::FinishRollout => "rollout",
             Self::ChangePolicy => "policy",
         }
     }

@@ -44,6 +44,8 @@ pub enum LiveUpdate {
     },
     /// The deployment freeze began or ended.
     Freeze,
+    /// A roll-out changed.
+    Rollout,
     /// The approval policy changed.
     Policy,
     /// An event of a robot.

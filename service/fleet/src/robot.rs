@@ -3,6 +3,7 @@
 mod checks;
 mod configured;
 mod estimators;
+mod innovations;
 mod mirror;
 mod notes;
 mod retired;
@@ -35,6 +36,7 @@ use crate::tenancy::Tenancy;
 use crate::top_view::TopViewAskers;
 pub use configured::Configured;
 use estimators::Estimators;
+use innovations::Innovations;
 use used::Used;
 
 /// Window over which a stream's rate is averaged, s.
@@ -135,6 +137,7 @@ pub struct Robot {
     link: Mutex<Link>,
     status: Mutex<Status>,
     cross_tracks: Mutex<CrossTracks>,
+    innovations: Mutex<Innovations>,
     /// True if stored notes may be missing from its task.
     wants_notes: AtomicBool,
     /// True if it is retired: its messages are refused.
@@ -193,6 +196,7 @@ impl Robot {
             wants_notes: AtomicBool::new(false),
             retired: AtomicBool::new(false),
             cross_tracks: Mutex::default(),
+            innovations: Mutex::default(),
             tenancy: Mutex::default(),
             estimators: Mutex::default(),
         }
@@ -396,6 +400,7 @@ impl Robot {
 
     /// Sets a new estimate.
     pub fn set_estimate(&self, estimate: Arc<EstimateDocument>) {
+        self.take_innovation(&estimate);
         lock(&self.status).estimate = Some(estimate);
     }
 

@@ -1,6 +1,6 @@
 //! Words for people in documents.
 
-use fleetcal_model::Unit;
+use fleetcal_model::{Consistency, ModelFit, Unit};
 use fleetcal_proto::estimate::ChangeDocument;
 
 /// Writes a change or fault in one line.
@@ -23,6 +23,24 @@ pub fn event(event: &ChangeDocument) -> String {
         event.onset_s,
         changes.join(", ")
     )
+}
+
+/// Writes in one sentence whether the model explains the data.
+pub fn fit(consistency: &Consistency) -> String {
+    let times = consistency.errors_over_expected();
+    let times = format!("{times:.1} times as large as expected");
+    match consistency.fit {
+        None => "too few updates to say whether the model explains the data".to_owned(),
+        Some(ModelFit::Explained) => format!("the model explains the data: its errors are {times}"),
+        Some(ModelFit::Rough) => format!(
+            "the errors are {times}: the robot moves or measures more roughly than configured, and the \
+             standard deviations are wider for it"
+        ),
+        Some(ModelFit::Unexplained) => format!(
+            "the model does not explain the data: its errors are {times}; look at wheelbase, vehicle \
+             model, signs and stamps"
+        ),
+    }
 }
 
 /// Returns the word that documents use, with spaces.

@@ -243,12 +243,12 @@ fn site(host_and_port: &str) -> String {
 mod tests {
     use std::collections::BTreeMap;
     use std::sync::atomic::{AtomicU64, Ordering};
-    use std::time::Duration;
 
     use fleetcal_clock::MockClock;
     use fleetcal_contract::TestDatabase;
     use fleetcal_estimator::EstimatorSettings;
     use fleetcal_fleet::FleetSetup;
+    use fleetcal_patience::until;
     use fleetcal_ports::free_address;
     use serde_json::json;
     use zenoh::Session;
@@ -256,23 +256,12 @@ mod tests {
     use super::*;
     use crate::{LinkSetup, session};
 
-    /// Longest wait for a condition.
-    const PATIENCE: Duration = Duration::from_secs(20);
     const SHARES: Shares = Shares {
         all: 8,
         nameless: 8,
         of_address: 6,
         of_name: 6,
     };
-
-    async fn until(what: &str, done: impl Fn() -> bool) {
-        let waited = tokio::time::timeout(PATIENCE, async {
-            while !done() {
-                tokio::time::sleep(Duration::from_millis(5)).await;
-            }
-        });
-        assert!(waited.await.is_ok(), "waited in vain until {what}");
-    }
 
     /// Opens a client of a router from this address.
     async fn client(port: u16, from: &str) -> Session {

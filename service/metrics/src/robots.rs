@@ -5,14 +5,18 @@ use std::sync::Arc;
 
 use fleetcal_domain::deviation::Deviation;
 use fleetcal_domain::limits;
-use fleetcal_domain::robot::{Counters, RobotView};
-use fleetcal_model::{Detection, DetectionState, Parameter, ParameterStatus, Unit, WallTime};
+use fleetcal_domain::robot::{Counters, RobotConfig, RobotView};
+use fleetcal_model::{
+    Detection, DetectionState, Label, Parameter, ParameterStatus, Unit, WallTime,
+};
 use fleetcal_proto::RobotId;
 
 /// Figures of one robot at one time: a small part of their text.
 #[derive(Debug)]
 pub struct RobotFigures {
     robot: RobotId,
+    /// Its site and vehicle type, as labels of a series.
+    groups: Box<str>,
     /// Number of its messages by outcome, in the order of [`OUTCOMES`].
     outcomes: [u64; OUTCOMES.len()],
     unpaired: u64,
@@ -58,6 +62,7 @@ impl RobotFigures {
         } = view.counters;
         Self {
             robot: view.id.clone(),
+            groups: groups(view.config.as_ref()),
             outcomes: [
                 processed,
                 refused,
@@ -101,7 +106,13 @@ struct Family {
     write: fn(&mut String, &RobotFigures) -> fmt::Result,
 }
 
-const FAMILIES: [Family; 10] = [
+const FAMILIES: [Family; 11] = [
+    Family {
+        name: "fleetcal_robot",
+        help: "Groups of each robot, to join with its other series; empty where none is given",
+        kind: "info",
+        write: info,
+    },
     Family {
         name: "fleetcal_robot_messages",
         help: "Messages of each robot, by what became of them",
@@ -199,7 +210,25 @@ fn head(family: &Family) -> String {
     format!("# HELP {name} {help}\n# TYPE {name} {kind}\n")
 }
 
-// Values of labels are ids and words of letters, digits, `_` and `-`: none needs an escape.
+/// Formats site and vehicle type as labels of a series.
+fn groups(config: Option<&RobotConfig>) -> Box<str> {
+    let site = config.and_then(|config| config.site.as_ref());
+    let kind = config.and_then(|config| config.vehicle_type.as_ref());
+    let [site, kind] = [site, kind].map(|group| group.map_or(String::new(), escaped));
+    format!("site=\"{site}\",vehicle_type=\"{kind}\"").into()
+}
+
+/// Escapes a group's name as the text format requires it; a label has no line break.
+fn escaped(group: &Label) -> String {
+    group.as_str().replace('\\', "\\\\").replace('"', "\\\"")
+}
+
+fn info(out: &mut String, robot: &RobotFigures) -> fmt::Result {
+    let (id, groups) = (robot.robot.as_str(), &robot.groups);
+    writeln!(out, "fleetcal_robot_info{{robot=\"{id}\",{groups}}} 1")
+}
+
+// Values of the labels below are ids and words of letters, digits, `_` and `-`: none needs an escape.
 
 fn messages(out: &mut String, robot: &RobotFigures) -> fmt::Result {
     let id = robot.robot.as_str();
@@ -286,6 +315,7 @@ mod tests {
     fn figures(number: usize) -> RobotFigures {
         RobotFigures {
             robot: RobotId::parse(&format!("warehouse_tugger_{number:04}")).unwrap(),
+            groups: groups(None),
             outcomes: [1_000_000_000, 1, 2, 3, 4, 5],
             unpaired: 6,
             restarts: 7,
@@ -305,7 +335,7 @@ mod tests {
     fn each_piece_has_some_robots_of_one_family() {
         let all: String = pieces(vec![figures(1)]).collect();
         let lines: Vec<&str> = all.lines().collect();
-        assert_eq!(lines.len(), 10 * 2 + 6 + 1 + 1 + 3 + 1 + 1 + 2 * 3);
+        assert_eq!(lines.len(), 11 * 2 + 1 + 6 + 1 + 1 + 3 + 1 + 1 + 2 * 3);
         for line in [
             "fleetcal_robot_deviation_tolerances{robot=\"warehouse_tugger_0001\"} 1.25",
             "fleetcal_robot_last_message_timestamp_seconds{robot=\"warehouse_tugger_0001\"} 1.5",
@@ -316,8 +346,12 @@ mod tests {
             assert!(lines.contains(&line), "{line}");
         }
         assert_eq!(
-            lines[..3],
+            lines[..6],
             [
+                "# HELP fleetcal_robot Groups of each robot, to join with its other series; empty \
+                 where none is given",
+                "# TYPE fleetcal_robot info",
+                "fleetcal_robot_info{robot=\"warehouse_tugger_0001\",site=\"\",vehicle_type=\"\"} 1",
                 "# HELP fleetcal_robot_messages Messages of each robot, by what became of them",
                 "# TYPE fleetcal_robot_messages counter",
                 "fleetcal_robot_messages_total{robot=\"warehouse_tugger_0001\",\
@@ -325,6 +359,8 @@ mod tests {
             ]
         );
         assert_eq!(figures(1).mailbox_full(), 12);
+        let quoted = Label::parse(r#"hall "B\C""#).unwrap();
+        assert_eq!(escaped(&quoted), r#"hall \"B\\C\""#);
     }
 
     #[expect(clippy::disallowed_methods, reason = "the test says how long it took")]

@@ -90,6 +90,7 @@ struct Outdated {
     configurations: BTreeSet<RobotId>,
     freeze: bool,
     policy: bool,
+    rollout: bool,
     notes: Vec<(RobotId, RobotEvent, String)>,
 }
 
@@ -113,6 +114,7 @@ impl Outdated {
                 }
                 ("freeze", _) => outdated.freeze = true,
                 ("policy", _) => outdated.policy = true,
+                ("rollout", _) => outdated.rollout = true,
                 _ => {}
             }
         }
@@ -153,6 +155,9 @@ impl FollowingSetup {
         }
         if outdated.policy {
             self.lifecycle.reload_policy().await?;
+        }
+        if outdated.rollout {
+            self.fleet.announce(LiveUpdate::Rollout);
         }
         for (robot, note, author) in outdated.notes {
             if self.membership.has(&robot) {
@@ -216,6 +221,7 @@ mod tests {
             configurations: BTreeSet::from([a.clone()]),
             freeze: false,
             policy: true,
+            rollout: false,
             notes: vec![(a, event, "ana".to_owned())],
         };
         assert_eq!(outdated, expected);

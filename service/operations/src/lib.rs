@@ -6,7 +6,7 @@
 //! performs due commands each second; [`alert_evaluator`] compares every robot with the rules for
 //! alerts; [`webhook_dispatcher`] sends webhooks; [`recording_export`] writes a recording of a
 //! robot as MCAP. Their decisions are pure functions of `fleetcal-domain`. [`entropy`] is the
-//! source of randomness.
+//! source of randomness, [`api_client`] reads from a running service for commands.
 //!
 //! For an instance of a cluster [`ownership`] keeps its lease and its robots, [`following`] follows
 //! the others' decisions, and [`peers`] forwards requests for their robots to them.
@@ -14,6 +14,7 @@
 pub mod accounts;
 pub mod alert_evaluator;
 mod answers;
+pub mod api_client;
 mod cause;
 pub mod entropy;
 pub mod following;

@@ -8,6 +8,7 @@ use fleetcal_domain::alert::AlertRefused;
 use fleetcal_domain::approval::Refused;
 use fleetcal_domain::webhook::WebhookRefused;
 use fleetcal_fleet::FleetRefused;
+use fleetcal_rollout::RolloutRefused;
 use fleetcal_store::StoreError;
 use serde::Serialize;
 
@@ -153,6 +154,7 @@ impl From<StoreError> for Problem {
             StoreError::Account(refused) => refused.into(),
             StoreError::Refused(refused) => refused.into(),
             StoreError::Alert(refused) => refused.into(),
+            StoreError::Rollout(refused) => refused.into(),
             StoreError::Webhook(refused) => refused.into(),
             StoreError::Corrupt { .. } => {
                 tracing::error!(%detail, "a row of the database cannot be read");
@@ -251,6 +253,25 @@ impl From<AlertRefused> for Problem {
             AlertRefused::Stale { .. } => (StatusCode::PRECONDITION_FAILED, "version_conflict"),
             AlertRefused::AcknowledgedAlready(_) => (StatusCode::CONFLICT, "acknowledged_already"),
             AlertRefused::Newer => (StatusCode::CONFLICT, "alert_newer"),
+        };
+        Self::new(status, code, detail)
+    }
+}
+
+impl From<RolloutRefused> for Problem {
+    fn from(refused: RolloutRefused) -> Self {
+        let detail = refused.to_string();
+        let (status, code) = match refused {
+            RolloutRefused::Unknown(_) => (StatusCode::NOT_FOUND, "rollout_unknown"),
+            RolloutRefused::Stale { .. } => (StatusCode::PRECONDITION_FAILED, "version_conflict"),
+            RolloutRefused::State { .. } | RolloutRefused::NotReleased => {
+                (StatusCode::CONFLICT, "wrong_state")
+            }
+            RolloutRefused::MayNotApprove(_) => (StatusCode::FORBIDDEN, "not_permitted"),
+            RolloutRefused::ReasonMissing => {
+                let status = StatusCode::BAD_REQUEST;
+                return Self::new(status, "value_refused", detail).of_field("reason");
+            }
         };
         Self::new(status, code, detail)
     }

@@ -129,6 +129,8 @@ pub static TABLES: LazyLock<Vec<Table>> =
             1,
             "number:n robot:t verified_ns:n approved_by:t record:t",
         ),
+        table("rollout", 1, "id:n record:t"),
+        table("rollout_robot", 2, "rollout:n robot:t wave:n proposal:n revision:n"),
         table("shadow", 1, "robot:t record:t"),
         table("envelope", 2, "robot:t generation:n record:t"),
         table("outbox", 2, "robot:t kind:t generation:n"),

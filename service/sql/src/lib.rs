@@ -23,6 +23,7 @@ mod query;
 mod read;
 mod records;
 mod robots;
+mod rollouts;
 mod row;
 mod statement;
 pub mod telemetry;

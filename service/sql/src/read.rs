@@ -9,15 +9,17 @@ use fleetcal_domain::approval::{
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
 use fleetcal_model::{
-    AlertId, AuditId, DeploymentId, Generation, Parameter, ProposalId, WallTime, WebhookId,
+    AlertId, AuditId, DeploymentId, Generation, Parameter, ProposalId, RolloutId, WallTime,
+    WebhookId,
 };
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
+use fleetcal_rollout::{Followed, Rollout};
 use fleetcal_store::backend::{Cell, Reader, Stretch, Tier};
 use fleetcal_store::{
     AlertFilter, AlertMoment, AuditFilter, AuditRow, CertificateFilter, CertificateRecord,
     CheckpointRecord, CrossTrackRecord, CurrentRecord, DeploymentFreeze, DueDelivery, EventRecord,
-    PackedStatus, ProposalFilter, RobotRecord, StoreError, StoredPolicy,
+    PackedStatus, ProposalFilter, RobotRecord, RolloutFilter, StoreError, StoredPolicy,
 };
 
 use super::connection::{Connection, Pool, StatementError};
@@ -26,7 +28,7 @@ use super::query::{query, query_scalar};
 use super::row::{column, corrupt, json, parsed, robot_id, robot_time, wall_time};
 use super::statement::Statement;
 use super::value::Row;
-use super::{alerts, certificates, events, history, policy, records, robots, webhooks};
+use super::{alerts, certificates, events, history, policy, records, robots, rollouts, webhooks};
 
 /// Reads estimators' states for [`checkpoint_of`].
 const CHECKPOINTS: &str = "SELECT r.id, c.stamp_ns, c.received_ns, c.state
@@ -301,6 +303,18 @@ impl Reader for SqlReader {
         number: DeploymentId,
     ) -> Result<Option<CertificateRecord>, StoreError> {
         certificates::certificate(&mut self.connection(), number).await
+    }
+
+    async fn rollouts(&self, filter: &RolloutFilter) -> Result<Vec<Rollout>, StoreError> {
+        rollouts::rollouts(&mut self.connection(), filter).await
+    }
+
+    async fn rollout(&self, id: RolloutId) -> Result<Option<Rollout>, StoreError> {
+        rollouts::rollout(&mut self.connection(), id).await
+    }
+
+    async fn rollout_robots(&self, id: RolloutId) -> Result<Vec<Followed>, StoreError> {
+        rollouts::robots(&mut self.connection(), id).await
     }
 
     async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError> {

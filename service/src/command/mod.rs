@@ -13,6 +13,7 @@ pub mod restore;
 pub mod serve;
 mod stopping;
 pub mod store;
+pub mod support;
 pub mod token;
 pub mod user;
 
@@ -30,6 +31,7 @@ use fleetcal_domain::access::{
 use fleetcal_domain::robot::ValueRefused;
 use fleetcal_folder::signing_key::KeyError;
 use fleetcal_link::LinkError;
+use fleetcal_operations::api_client::ApiError;
 use fleetcal_operations::entropy::NoEntropy;
 use fleetcal_proto::RobotId;
 use fleetcal_robot::fleet::{FleetError, TooManyRobots};
@@ -77,6 +79,8 @@ pub enum Command {
     Key(key::Arguments),
     /// Shows whether rows of the audit were changed or removed
     Audit(audit::Arguments),
+    /// Writes the support bundle of a robot, from a running service
+    Support(support::Arguments),
     /// Copies the database into a file, also while the service runs
     Backup(backup::Arguments),
     /// Puts a backup into an empty data folder, and the signing key with it
@@ -179,6 +183,15 @@ pub enum CommandError {
         /// Fault of the file.
         reason: String,
     },
+    /// A running service gave no answer, or refused.
+    #[error(transparent)]
+    Api(#[from] ApiError),
+    /// A request needs a token.
+    #[error("no API token: give --token-file FILE, or set FLEETCAL_TOKEN")]
+    NoToken,
+    /// The list of a support bundle is no list.
+    #[error("the service's list of the bundle cannot be read: {0}")]
+    Support(String),
     /// A key expression that is the same for all robots.
     #[error(
         "--stream: got {0:?}, expected a key expression in which one whole chunk is {{robot}}, for the robot's id"
@@ -248,10 +261,19 @@ impl CommandError {
             | Self::ServiceIsRobot(_)
             | Self::RouterIsRobot(_)
             | Self::StreamOfAll(_)
+            | Self::NoToken
+            | Self::Api(ApiError::Refused {
+                status: 400..=499, ..
+            })
             | Self::Passwords { .. }
             | Self::Identity { .. } => EXIT_USAGE,
             Self::Audit(fault) => fault.exit_status(),
-            Self::Key(_) | Self::Service(_) | Self::Store(_) | Self::Database(_) => EXIT_IO,
+            Self::Key(_)
+            | Self::Service(_)
+            | Self::Store(_)
+            | Self::Database(_)
+            | Self::Api(_)
+            | Self::Support(_) => EXIT_IO,
             Self::Hash(_) | Self::Entropy(_) => EXIT_FAILED,
         }
     }

@@ -12,10 +12,12 @@ use fleetcal_domain::approval::{
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
 use fleetcal_model::{
-    AlertId, AuditId, DeploymentId, Generation, Parameter, ProposalId, UserId, WallTime, WebhookId,
+    AlertId, AuditId, DeploymentId, Generation, Parameter, ProposalId, RolloutId, UserId, WallTime,
+    WebhookId,
 };
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
+use fleetcal_rollout::{Followed, Rollout};
 
 use super::accounts::{SessionRecord, TokenRecord, UserRecord};
 use super::alerts::{AlertFilter, AlertMoment};
@@ -28,6 +30,7 @@ use super::policy::StoredPolicy;
 use super::record::{
     CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, PackedStatus, RobotRecord,
 };
+use super::rollouts::RolloutFilter;
 use super::webhooks::DueDelivery;
 
 pub use super::telemetry::{Aged, Batch, EventWrite, Repetition, TelemetryWriter};
@@ -231,6 +234,15 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
         &self,
         number: DeploymentId,
     ) -> Result<Option<CertificateRecord>, StoreError>;
+
+    /// Roll-outs, newest first.
+    async fn rollouts(&self, filter: &RolloutFilter) -> Result<Vec<Rollout>, StoreError>;
+
+    /// Reads one roll-out.
+    async fn rollout(&self, id: RolloutId) -> Result<Option<Rollout>, StoreError>;
+
+    /// Robots of a roll-out with the present states of their proposals, by wave and id.
+    async fn rollout_robots(&self, id: RolloutId) -> Result<Vec<Followed>, StoreError>;
 
     /// Reads the deployment freeze.
     async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError>;

@@ -10,6 +10,7 @@ use fleetcal_domain::limits;
 use fleetcal_domain::webhook::WebhookRefused;
 use fleetcal_model::Version;
 use fleetcal_proto::RobotId;
+use fleetcal_rollout::RolloutRefused;
 use thiserror::Error;
 
 /// Error of a database driver, shared because a failed commit is reported to many callers.
@@ -177,6 +178,9 @@ pub enum StoreError {
     /// Refused acknowledgement of an alert.
     #[error(transparent)]
     Alert(#[from] AlertRefused),
+    /// Refused change of a roll-out, or release of one of its robots.
+    #[error(transparent)]
+    Rollout(#[from] RolloutRefused),
     /// Refused webhook, or an unknown one.
     #[error(transparent)]
     Webhook(#[from] WebhookRefused),
@@ -198,6 +202,7 @@ impl StoreError {
                 | Self::Account(_)
                 | Self::Refused(_)
                 | Self::Alert(_)
+                | Self::Rollout(_)
                 | Self::Webhook(_)
         )
     }

@@ -23,6 +23,7 @@ mod liveness;
 mod policy;
 mod record;
 mod retry;
+mod rollouts;
 mod telemetry;
 pub mod transaction;
 mod webhooks;
@@ -51,6 +52,7 @@ pub use record::{
     CheckpointRecord, CrossTrackRecord, CurrentRecord, EventKind, EventRecord, EventSource,
     Expected, HistoryRow, IdempotencyKey, NewEvent, PackedStatus, RobotRecord,
 };
+pub use rollouts::RolloutFilter;
 pub use transaction::{Job, Records};
 pub use webhooks::DueDelivery;
 

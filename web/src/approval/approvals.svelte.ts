@@ -22,6 +22,8 @@ class Approvals {
   policy = new Reading<PolicyInForce>(() => '/policy');
   /** Counter of the life cycle's changes received from the service. */
   changes = $state(0);
+  /** Counter of the changes of roll-outs received from the service. */
+  rollouts = $state(0);
   #gathering: ReturnType<typeof setTimeout> | undefined;
 
   /** Receives changes from the event stream. */
@@ -29,7 +31,9 @@ class Approvals {
     approval: () => this.#later(),
     freeze: () => void this.freeze.load(),
     policy: () => void this.policy.load(),
+    rollout: () => this.rollouts++,
     resync: () => {
+      this.rollouts++;
       this.#later();
       void this.freeze.load();
       void this.policy.load();

@@ -13,7 +13,7 @@ const SOURCE = import.meta.glob<string>(
 );
 /** `"proposal.approve"`: a record and what became of it. */
 const ACTION =
-  /"((?:alert|deployment|event|freeze|maintenance|policy|proposal|robot|session|shadow|token|user|webhook)\.[a-z_]+)"/g;
+  /"((?:alert|deployment|event|freeze|maintenance|policy|proposal|robot|rollout|session|shadow|token|user|webhook)\.[a-z_]+)"/g;
 
 describe('the actions that the audit can be filtered by', () => {
   it('are those that the service writes', () => {

@@ -51,6 +51,7 @@ const NAMES: readonly LiveEvent['event'][] = [
   'alert',
   'freeze',
   'policy',
+  'rollout',
 ];
 /** Topics of every page: its bar counts alerts and approvals, and shows a deployment freeze. */
 const EVERYWHERE = ['alerts', 'approvals', 'deployments'];
@@ -206,6 +207,7 @@ class Fleet {
         break;
       case 'freeze':
       case 'policy':
+      case 'rollout':
         for (const listener of this.#listeners) listener[event]?.();
         break;
       case 'ready':

@@ -13,6 +13,8 @@ export interface FleetListener {
   freeze?(): void;
   /** Called when the approval policy changed. */
   policy?(): void;
+  /** Called when a roll-out changed. */
+  rollout?(): void;
   /** Called when events may have been missed. */
   resync?(): void;
 }

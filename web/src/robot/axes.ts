@@ -27,6 +27,11 @@ export function timeLabels(splits: number[], step_s: number): string[] {
   });
 }
 
+/** Returns the labels of a logarithmic axis; those that would touch others are null. */
+export function logLabels(splits: readonly (number | null)[]): string[] {
+  return splits.map((split) => (split === null ? '' : String(Number(split.toPrecision(3)))));
+}
+
 /** Returns the labels of a value axis, with as many decimals as its steps need. */
 export function valueLabels(splits: number[], step: number): string[] {
   let decimals = 0;

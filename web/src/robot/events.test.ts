@@ -43,7 +43,12 @@ describe('an event', () => {
 
   it('marks its time on the charts', () => {
     expect(eventMarks([event])).toEqual([
-      { t_s: Date.parse(event.time) / 1000, tone: 'bad', word: 'Calibration changed' },
+      {
+        t_s: Date.parse(event.time) / 1000,
+        tone: 'bad',
+        word: 'Calibration changed',
+        text: eventText(event),
+      },
     ]);
   });
 

@@ -108,7 +108,7 @@ function changes(change: unknown): [name: string, by: number][] {
 export function eventMarks(events: readonly RobotEvent[]): EventMark[] {
   return events.map((event) => {
     const { word, tone } = eventFace(event.kind);
-    return { t_s: Date.parse(event.time) / 1000, tone, word };
+    return { t_s: Date.parse(event.time) / 1000, tone, word, text: eventText(event) };
   });
 }
 

@@ -2,7 +2,7 @@
 
 import uPlot from 'uplot';
 import { colour } from '../ui/theme.svelte';
-import { AXIS_FONT, PADDING, timeLabels, valueLabels } from './axes';
+import { AXIS_FONT, logLabels, PADDING, timeLabels, valueLabels } from './axes';
 import { type Columns, isolated, lonePlace } from './series';
 
 const AXIS_WIDTH = 58;
@@ -15,6 +15,21 @@ export interface EventMark {
   tone: 'bad' | 'ink' | 'quiet';
   /** Name of the event, in two or three words. */
   word: string;
+  /** Details of the event; empty without any. */
+  text?: string;
+}
+
+/** Line of another robot or time, in shown units. */
+export interface OtherLine {
+  /** Points, oldest first; null where there is none. */
+  points: readonly { t_s: number; value: number | null }[];
+  word: string;
+}
+
+/** Form of the points and scale of the values. */
+export interface Style {
+  form: 'line' | 'dots';
+  scale: 'linear' | 'log';
 }
 
 /** Lines beside the estimate, in shown units. */
@@ -23,8 +38,8 @@ export interface Levels {
   applied: readonly { t_s: number; value: number | null }[];
   /** Tolerance around the applied values; null without one. */
   tolerance: number | null;
-  /** Proposed value; null without one. */
-  proposed: number | null;
+  /** Value with its word, such as the proposed one; null without one. */
+  level: { value: number; word: string } | null;
 }
 
 /** Interface from a chart to its page. */
@@ -37,6 +52,8 @@ export interface PlotHost {
   levels(): Levels;
   /** Returns the stretches in which the value was not known. */
   unknown(): readonly [from_s: number, to_s: number][];
+  /** Returns the line of another robot or time; null without one. */
+  other(): OtherLine | null;
   /** Called when the cursor moved to a time, or left. */
   cursor(t_s: number | null): void;
   /** Called when a stretch of time was selected with the mouse. */
@@ -71,6 +88,7 @@ function drawMarks(
 /** Dots and dashes: applied values differ from the estimate without colour. */
 const APPLIED_DASHES = [9, 3, 2, 3];
 const PROPOSED_DASHES = [6, 4];
+const OTHER_DASHES = [2, 2];
 
 /** Returns start, end and height of each applied value, px. */
 function appliedSpans(
@@ -122,8 +140,8 @@ function drawLabel(
   ctx.fillText(text, ...at);
 }
 
-/** Draws the applied values as a step line and the proposed one as a level line, each with its word. */
-function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelColours): void {
+/** Draws the applied values as a step line and another one as a level line, each with its word. */
+function drawLevels(plot: uPlot, { applied, level }: Levels, colours: LevelColours): void {
   const { ctx, bbox } = plot;
   const right = bbox.left + bbox.width;
   const spans = appliedSpans(plot, applied);
@@ -141,14 +159,14 @@ function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelCo
     ctx.lineTo(to, y);
   });
   ctx.stroke();
-  const proposed_y = proposed === null ? null : plot.valToPos(proposed, 'y', true);
+  const level_y = level === null ? null : plot.valToPos(level.value, 'y', true);
   const last = spans.at(-1);
   const applied_y = last && last[1] === right ? last[2] : null;
   // Each word is on the side that the other line is not on.
-  const isAppliedOver = proposed_y === null || applied_y === null || applied_y <= proposed_y;
+  const isAppliedOver = level_y === null || applied_y === null || applied_y <= level_y;
   if (applied_y !== null) drawLabel(plot, 'applied', [applied_y, isAppliedOver], colours);
-  if (proposed_y !== null) {
-    const y = proposed_y;
+  if (level !== null && level_y !== null) {
+    const y = level_y;
     ctx.lineWidth = 1.5 * devicePixelRatio;
     ctx.strokeStyle = colours.proposed;
     dashes(PROPOSED_DASHES);
@@ -156,8 +174,35 @@ function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelCo
     ctx.moveTo(bbox.left, y);
     ctx.lineTo(right, y);
     ctx.stroke();
-    drawLabel(plot, 'proposed', [y, !isAppliedOver || applied_y === null], colours);
+    drawLabel(plot, level.word, [y, !isAppliedOver || applied_y === null], colours);
   }
+  ctx.restore();
+}
+
+/** Draws the line of another robot or time, thinner than the estimate, with its word at its end. */
+function drawOther(plot: uPlot, { points, word }: OtherLine, colours: LevelColours): void {
+  const { ctx, bbox } = plot;
+  clip(plot);
+  ctx.lineWidth = 1.5 * devicePixelRatio;
+  ctx.strokeStyle = colours.applied;
+  ctx.setLineDash(OTHER_DASHES.map((length) => length * devicePixelRatio));
+  ctx.beginPath();
+  let isDown = false;
+  let end: number | undefined;
+  for (const { t_s, value } of points) {
+    if (value === null) {
+      isDown = false;
+      continue;
+    }
+    const x = plot.valToPos(t_s, 'x', true);
+    const y = plot.valToPos(value, 'y', true);
+    if (isDown) ctx.lineTo(x, y);
+    else ctx.moveTo(x, y);
+    isDown = true;
+    if (x >= bbox.left && x <= bbox.left + bbox.width) end = y;
+  }
+  ctx.stroke();
+  if (end !== undefined) drawLabel(plot, word, [end, true], colours);
   ctx.restore();
 }
 
@@ -256,6 +301,7 @@ export function plot(
   size: { width: number; height: number },
   columns: Columns,
   host: PlotHost,
+  style: Style = { form: 'line', scale: 'linear' },
 ): uPlot {
   const accent = colour('--accent');
   const colours = { bad: colour('--bad'), ink: colour('--ink'), quiet: colour('--ink-faint') };
@@ -276,7 +322,7 @@ export function plot(
     ...size,
     padding: [...PADDING],
     legend: { show: false },
-    scales: { x: { time: true }, y: { range: () => host.values() } },
+    scales: { x: { time: true }, y: { range: () => host.values(), ...distribution(style) } },
     axes: [
       {
         ...axis,
@@ -288,7 +334,8 @@ export function plot(
         ...axis,
         size: AXIS_WIDTH,
         space: 36,
-        values: (_, splits, __, ___, step) => valueLabels(splits, step),
+        values: (_, splits, __, ___, step) =>
+          style.scale === 'log' ? logLabels(splits) : valueLabels(splits, step),
       },
     ],
     series: [
@@ -297,7 +344,9 @@ export function plot(
       { ...hidden },
       { ...hidden },
       { ...hidden },
-      { stroke: accent, width: 2, points: { show: false } },
+      style.form === 'line'
+        ? { stroke: accent, width: 2, points: { show: false } }
+        : { stroke: accent, width: 0, points: { show: true, size: 4, width: 0, fill: accent } },
     ],
     bands: [
       { series: [1, 2], fill: faded(accent, 0.16) },
@@ -313,7 +362,13 @@ export function plot(
       drawAxes: [(u) => drawTolerance(u, host.levels(), faded(levelColours.applied, 0.07))],
       draw: [
         (u) => drawUnknown(u, host.unknown(), colours.quiet),
-        (u) => drawIsolated(u, host.bucket_s(), accent),
+        (u) => {
+          if (style.form === 'line') drawIsolated(u, host.bucket_s(), accent);
+        },
+        (u) => {
+          const other = host.other();
+          if (other) drawOther(u, other, levelColours);
+        },
         (u) => drawLevels(u, host.levels(), levelColours),
         (u) => drawMarks(u, host.marks(), colours),
       ],
@@ -331,6 +386,11 @@ export function plot(
     },
   };
   return new uPlot(options, columns as uPlot.AlignedData, element);
+}
+
+/** Returns the options of a scale of values: 3 is uPlot's logarithm. */
+function distribution({ scale }: Style): Partial<uPlot.Scale> {
+  return scale === 'log' ? { distr: 3, log: 10 } : {};
 }
 
 function cursorPoint(stroke: string): HTMLElement {

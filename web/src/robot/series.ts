@@ -57,8 +57,8 @@ export function append(
 /** Half width of the band, in sigmas. */
 export const BAND_SIGMAS = 2;
 /** Number of steps beyond which a stretch without data is a gap, if it also exceeds this time. */
-const GAP_STEPS = 3;
-const GAP_MIN_S = 4;
+export const GAP_STEPS = 3;
+export const GAP_MIN_S = 4;
 
 type Column = (number | null)[];
 
@@ -235,7 +235,7 @@ export function allSeries(
  * Returns the time at which the data of each stretch begin, s. In the first stretch of a line they
  * go on into the next one, so that the seconds of data are those before its end.
  */
-function beginOfData({
+export function beginOfData({
   bucket_s,
   time,
   count,

@@ -10,7 +10,7 @@ export const TABS = [
 export type Tab = (typeof TABS)[number][0];
 
 /** Query parameters of the charts. */
-const OF_CHARTS = ['range', 'from', 'to', 'scale'];
+const OF_CHARTS = ['range', 'from', 'to', 'scale', 'with'];
 
 /** Returns the part that an address names; one with a time is about the history. */
 export function tabOf(query: URLSearchParams): Tab {

@@ -6,4 +6,5 @@ export const EVENTS: Record<WebhookEvent, string> = {
   'alert.alerting': 'alerts that begin to fire',
   'alert.resolved': 'alerts that are over',
   'proposal.waiting': 'proposals that wait',
+  'rollout.halted': 'roll-outs that halt',
 };

@@ -4,13 +4,14 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use fleetcal_model::Generation;
+use fleetcal_patience::until;
 use fleetcal_proto::calibration::{Applied, AppliedStatus};
 use fleetcal_proto::{Keys, StreamKind};
 use tokio::time::Instant;
 use zenoh::Wait;
 use zenoh::query::{Query, Queryable};
 
-use super::service::{Service, question_of, until};
+use super::service::{Service, question_of};
 use super::wire::Robot;
 use super::*;
 

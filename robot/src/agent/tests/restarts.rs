@@ -3,9 +3,10 @@
 use std::fs;
 
 use fleetcal_model::{Generation, RobotTime};
+use fleetcal_patience::until;
 use fleetcal_proto::calibration::AppliedStatus;
 
-use super::service::{Service, free_endpoint, until};
+use super::service::{Service, free_endpoint};
 use super::wire::{BY_HAND, Robot, text_of};
 use super::*;
 use crate::agent::{Ending, Fallback, Offer, Outcome, Phase, Rest, Trial};
@@ -19,6 +20,7 @@ fn offer(generation: u64) -> Offer {
         confirm_within_s: 600,
         values: values(generation),
         rear_axle_in_base_link: None,
+        steering_table: None,
         document: envelope.document,
     }
 }
@@ -67,6 +69,7 @@ async fn a_deadline_survives_a_restart_without_any_service() {
         applied_at_ns: RobotTime(START_NS),
         values: Some(values(1)),
         rear_axle_in_base_link: None,
+        steering_table: None,
     };
     let trial = Trial {
         until_ns: RobotTime(START_NS + SECOND_NS),

@@ -3,9 +3,9 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
 use fleetcal_model::Generation;
+use fleetcal_patience::until;
 use fleetcal_ports::free_address;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, Confirmed, Envelope};
 use fleetcal_proto::key::ServiceInstance;
@@ -19,9 +19,6 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::query::{Query, Queryable};
 
 use super::*;
-
-/// Longest wait for a condition.
-const PATIENCE: Duration = Duration::from_secs(30);
 
 #[derive(Debug, Default)]
 struct Stored {
@@ -48,15 +45,6 @@ pub struct Service {
 
 pub fn free_endpoint() -> String {
     format!("tcp/{}", free_address())
-}
-
-pub async fn until(what: &str, mut done: impl FnMut() -> bool) {
-    let waited = tokio::time::timeout(PATIENCE, async {
-        while !done() {
-            tokio::time::sleep(Duration::from_millis(10)).await;
-        }
-    });
-    assert!(waited.await.is_ok(), "waited in vain until {what}");
 }
 
 impl Service {

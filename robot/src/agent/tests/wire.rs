@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use fleetcal_model::{Generation, Pose2, RobotTime};
+use fleetcal_patience::until;
 use fleetcal_proto::Keys;
 use fleetcal_proto::calibration::{AppliedStatus, Envelope};
 use fleetcal_proto::signing::seal;
@@ -12,7 +13,7 @@ use tempfile::TempDir;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use super::service::{Link, Service, free_endpoint, until};
+use super::service::{Link, Service, free_endpoint};
 use super::*;
 use crate::agent::{AgentError, AgentOptions, Hook, OutputKind, Outputs, Phase, Rest, run_agent};
 

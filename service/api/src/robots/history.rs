@@ -59,7 +59,7 @@ pub(super) struct HistoryDocument {
     time: Vec<Timestamp>,
     /// Seconds of data in each stretch.
     count: Vec<u32>,
-    /// Mean normalised innovation squared of each stretch.
+    /// Mean normalised innovation squared of each stretch, with the noise as configured.
     nis: Vec<Option<f64>>,
     /// Histories of the parameters.
     series: Vec<Series>,
@@ -268,6 +268,7 @@ impl HistoryText {
                 names.push(format!("{name}_{part} ({unit})"));
             }
         }
+        names.push("nis".to_owned());
         csv::line(names.iter().map(String::as_str))
     }
 
@@ -282,6 +283,7 @@ impl HistoryText {
                 None => [const { String::new() }; 4],
             });
         }
+        fields.push(stretch.nis.map(|nis| nis.to_string()).unwrap_or_default());
         csv::line(fields.iter().map(String::as_str))
     }
 }

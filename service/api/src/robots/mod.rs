@@ -8,6 +8,7 @@ mod document;
 mod estimate;
 mod events;
 mod history;
+mod innovations;
 mod list;
 mod manoeuvres;
 mod moments;
@@ -15,6 +16,7 @@ mod preview;
 mod recording;
 mod registration;
 mod retirement;
+mod statistics;
 mod support;
 mod top_view;
 mod view;
@@ -30,12 +32,14 @@ pub(super) use events::EventDocument;
 pub(super) use recording::Recordings;
 pub(super) use registration::{Prefixes, check_config, prefixes};
 pub(super) use retirement::{bring_back, retire};
+pub(super) use view::{in_view, query_of};
 
 /// Routes under `/robots`.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(list::list_robots))
         .routes(routes!(view::get_view))
+        .routes(routes!(statistics::get_statistics))
         .routes(routes!(
             registration::get_robot,
             registration::put_robot,
@@ -48,6 +52,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(preview::preview_robot))
         .routes(routes!(estimate::get_estimate))
         .routes(routes!(history::get_history))
+        .routes(routes!(innovations::get_innovations))
         .routes(routes!(cross_track::get_cross_track_error))
         .routes(routes!(checks::get_checks))
         .routes(routes!(manoeuvres::get_manoeuvres))

@@ -13,7 +13,7 @@ use fleetcal_support::{Archive, lines_of};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{checks, cross_track, estimate, events, moments, registration};
+use super::{checks, cross_track, estimate, events, innovations, moments, registration};
 use crate::ApiState;
 use crate::access::Caller;
 use crate::export::Export;
@@ -128,7 +128,7 @@ fn name_of(moment: &Moment) -> String {
 }
 
 /// Answers of the API about the robot, by name. For a document that the robot lacks it is a problem.
-async fn answers(api: &ApiState, id: &RobotId) -> [(&'static str, Response); 7] {
+async fn answers(api: &ApiState, id: &RobotId) -> [(&'static str, Response); 8] {
     let state = || State(api.clone());
     let path = || RobotPath(id.clone());
     let own = || OwnRobot(id.clone());
@@ -162,6 +162,12 @@ async fn answers(api: &ApiState, id: &RobotId) -> [(&'static str, Response); 7] 
         (
             "events",
             events::list_events(state(), path(), Parameters(latest))
+                .await
+                .into_response(),
+        ),
+        (
+            "innovations",
+            innovations::get_innovations(state(), own(), nothing())
                 .await
                 .into_response(),
         ),

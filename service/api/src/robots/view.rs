@@ -19,9 +19,9 @@ use crate::extract::Parameters;
 use crate::problem::Problem;
 
 /// Robot with the facts that views need.
-pub(super) struct Listed {
+pub(crate) struct Listed {
     pub(super) view: RobotView,
-    pub(super) ledger: Arc<RobotLedger>,
+    pub(crate) ledger: Arc<RobotLedger>,
     pub(super) standing: Standing,
     pub(super) deviation: Option<Deviation>,
     now: WallTime,
@@ -50,7 +50,7 @@ impl Listed {
     }
 
     /// Properties that views select and sort by.
-    pub(super) fn properties(&self) -> Properties<'_> {
+    pub(crate) fn properties(&self) -> Properties<'_> {
         let Self {
             view,
             ledger,
@@ -63,7 +63,7 @@ impl Listed {
 }
 
 /// Robots that a query selects; retired ones are in no view.
-pub(super) fn in_view(api: &ApiState, query: &Query, now: WallTime) -> Vec<Listed> {
+pub(crate) fn in_view(api: &ApiState, query: &Query, now: WallTime) -> Vec<Listed> {
     let standings = api.evaluator.standings();
     let robots = api.fleet.robots().into_iter();
     let listed = robots.map(|view| Listed::by(api, &standings, view, now));
@@ -74,7 +74,7 @@ pub(super) fn in_view(api: &ApiState, query: &Query, now: WallTime) -> Vec<Liste
 }
 
 /// Parses `q`; without it every robot is selected.
-pub(super) fn query_of(text: Option<&str>) -> Result<Query, Problem> {
+pub(crate) fn query_of(text: Option<&str>) -> Result<Query, Problem> {
     let query = text.unwrap_or_default().parse::<Query>();
     query.map_err(|refused| {
         let detail = format!("q: {refused}");

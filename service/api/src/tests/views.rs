@@ -126,6 +126,38 @@ async fn the_groups_of_a_robot_stand_in_its_documents() {
 }
 
 #[tokio::test]
+async fn statistics_count_the_robots_of_each_group_of_a_view() {
+    let bench = registered().await;
+    let counts = async |query: &str| {
+        let answer = bench
+            .get(&format!("/api/v1/fleet/statistics?{query}"))
+            .await;
+        let groups = answer.json()["groups"].as_array().unwrap().clone();
+        let of =
+            |group: &Value| format!("{} {}", group["group"].as_str().unwrap(), group["robots"]);
+        groups.iter().map(of).collect::<Vec<_>>().join(", ")
+    };
+    assert_eq!(counts("").await, "EKX 516 1, bicycle 2, tricycle 1");
+    assert_eq!(counts("by=site").await, "Hamburg 2, Munich, west 1");
+    assert_eq!(
+        counts("by=tag&q=site:hamburg").await,
+        "leased 1, night shift 1"
+    );
+    let all = bench
+        .get("/api/v1/fleet/statistics?q=model:tricycle")
+        .await
+        .json();
+    let sums = (&all["q"], &all["by"], &all["common_causes"], &all["unlike"]);
+    let none = serde_json::json!([]);
+    assert_eq!(
+        sums,
+        (&"model:tricycle".into(), &"type".into(), &none, &none)
+    );
+    let refused = bench.get("/api/v1/fleet/statistics?by=colour").await;
+    assert_snapshot!(refused.told(), @r#"400 value_refused [by]: by: got "colour", expected site, type or tag"#);
+}
+
+#[tokio::test]
 async fn a_view_is_refused_by_the_part_that_is_wrong() {
     let bench = bench(&[]).await;
     let told = async |query: &str| {

@@ -1,6 +1,6 @@
 //! Message to a webhook.
 
-use fleetcal_model::{ProposalId, Version, WallTime};
+use fleetcal_model::{ProposalId, RolloutId, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use jiff::Timestamp;
@@ -58,6 +58,16 @@ struct Waiting<'a> {
     sigmas: Option<CalibrationValues>,
 }
 
+/// Roll-out that has halted.
+#[derive(Serialize)]
+struct Halted<'a> {
+    id: RolloutId,
+    version: Version,
+    /// Person or token that halted it, or the service.
+    by: &'a str,
+    reason: &'a str,
+}
+
 impl Message {
     /// Message about an alert, with its robot's standing.
     ///
@@ -103,6 +113,26 @@ impl Message {
         };
         let subject = format!("proposal-{}-{}", proposal.id, proposal.version);
         Self::new(WebhookEvent::ProposalWaiting, subject, data, now)
+    }
+
+    /// Message about a roll-out that has halted in this version.
+    ///
+    /// # Errors
+    /// If it cannot be written as JSON.
+    pub fn of_halted_rollout(
+        (id, version): (RolloutId, Version),
+        by: &str,
+        reason: &str,
+        now: WallTime,
+    ) -> Result<Self, serde_json::Error> {
+        let data = Halted {
+            id,
+            version,
+            by,
+            reason,
+        };
+        let subject = format!("rollout-{id}-{version}");
+        Self::new(WebhookEvent::RolloutHalted, subject, data, now)
     }
 
     /// Message about a transition of `outcome`; `None` for one that is not published.

@@ -37,14 +37,19 @@ pub enum WebhookEvent {
     #[serde(rename = "proposal.waiting")]
     #[strum(serialize = "proposal.waiting")]
     ProposalWaiting,
+    /// Halt of a roll-out, by itself or by a person.
+    #[serde(rename = "rollout.halted")]
+    #[strum(serialize = "rollout.halted")]
+    RolloutHalted,
 }
 
 impl WebhookEvent {
     /// Every event.
-    pub const ALL: [Self; 3] = [
+    pub const ALL: [Self; 4] = [
         Self::AlertAlerting,
         Self::AlertResolved,
         Self::ProposalWaiting,
+        Self::RolloutHalted,
     ];
 
     /// The name in messages and in the database.

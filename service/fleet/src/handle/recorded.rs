@@ -3,6 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use fleetcal_domain::limits;
+use fleetcal_model::Innovation;
 use fleetcal_proto::RobotId;
 
 use super::{FleetHandle, FleetRefused};
@@ -35,6 +36,16 @@ impl FleetHandle {
         let unknown = || FleetRefused::UnknownRobot(id.clone());
         let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
         Ok(robot.taps.ring.held())
+    }
+
+    /// Returns the robot's latest innovations, oldest first; none where another instance estimates it.
+    ///
+    /// # Errors
+    /// The robot is unknown.
+    pub fn innovations(&self, id: &RobotId) -> Result<Vec<Innovation>, FleetRefused> {
+        let unknown = || FleetRefused::UnknownRobot(id.clone());
+        let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
+        Ok(robot.innovations())
     }
 
     /// Limits the memory for the latest data of all robots to a part of what the process may use,

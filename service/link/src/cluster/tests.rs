@@ -20,6 +20,7 @@ use fleetcal_estimator::EstimatorSettings;
 use fleetcal_fleet::{Digest, FleetHandle, FleetSetup, Keep};
 use fleetcal_model::VehicleModel;
 use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
+use fleetcal_patience::{PATIENCE, until_answered};
 use fleetcal_ports::free_address;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{EstimateDocument, EstimatedBy};
@@ -34,8 +35,6 @@ use zenoh::bytes::Encoding;
 
 use crate::{Link, LinkSetup};
 
-/// Longest wait for a condition.
-const PATIENCE: Duration = Duration::from_secs(20);
 /// Message time at which the tests begin, ns since 1970.
 const BEGIN_NS: i64 = 1_700_000_000_000_000_000;
 const ROBOTS: [&str; 2] = ["tugger_01", "tugger_02"];
@@ -46,15 +45,6 @@ fn id(name: &str) -> RobotId {
 
 fn free_endpoint() -> String {
     format!("tcp/{}", free_address())
-}
-
-async fn until(what: &str, mut done: impl AsyncFnMut() -> bool) {
-    let waited = tokio::time::timeout(PATIENCE, async {
-        while !done().await {
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
-    });
-    assert!(waited.await.is_ok(), "waited in vain until {what}");
 }
 
 async fn session(mode: &str, key: &str, endpoint: &str) -> Session {
@@ -291,7 +281,7 @@ async fn each_instance_hears_its_robots_and_tells_the_others_of_them() {
     ];
     let robots = Robots::connect(&endpoint).await;
     for (instance, other) in [(&a, &b), (&b, &a)] {
-        until("the other one is seen", async || {
+        until_answered("the other one is seen", async || {
             let report = instance.report.borrow();
             report.linked && report.present.contains(&other.name())
         })
@@ -300,14 +290,14 @@ async fn each_instance_hears_its_robots_and_tells_the_others_of_them() {
     a.adopt("tugger_01", 3).await;
     b.adopt("tugger_02", 4).await;
     robots.drive().await;
-    until("both have theirs", async || {
+    until_answered("both have theirs", async || {
         a.processed("tugger_01") == 100 && b.processed("tugger_02") == 100
     })
     .await;
     for instance in [&a, &b] {
         instance.pass(limits::REPORT_WHOLE_EVERY);
     }
-    until("both are told of the other's", async || {
+    until_answered("both are told of the other's", async || {
         let told = |one: &Instance, robot| {
             let view = one.fleet.robot(&id(robot)).unwrap();
             view.counters.processed == 100 && view.estimate.is_some()
@@ -317,7 +307,7 @@ async fn each_instance_hears_its_robots_and_tells_the_others_of_them() {
     .await;
     let mirrored = b.fleet.robot(&id("tugger_01")).unwrap();
     assert_eq!(mirrored.estimated_by, Some(by("a", 3)));
-    until("estimates are put", async || {
+    until_answered("estimates are put", async || {
         !robots.estimates.lock().unwrap().is_empty()
     })
     .await;
@@ -340,14 +330,14 @@ async fn each_instance_hears_its_robots_and_tells_the_others_of_them() {
     a.membership.cluster().unwrap().ended(&id("tugger_01"));
     b.adopt("tugger_01", 4).await;
     robots.drive().await;
-    until("the other one has it", async || {
+    until_answered("the other one has it", async || {
         b.processed("tugger_01") == 100
     })
     .await;
     assert_eq!(a.fleet.heard(), Some(BTreeSet::new()));
     assert_eq!(b.fleet.heard().unwrap().len(), 2);
     b.leave().await;
-    until("the other one is gone", async || {
+    until_answered("the other one is gone", async || {
         let name = InstanceId::parse("b").unwrap();
         !a.report.borrow().present.contains(&name)
     })
@@ -368,23 +358,23 @@ async fn an_instance_without_heartbeats_is_silent_while_its_token_stands() {
         let (report, now) = (at.report.borrow(), at.clock.uptime());
         !report.is_silent(name, now) && report.is_silent(name, now + HEARTBEATS_MISSING_AFTER)
     };
-    until("heartbeats come", async || {
+    until_answered("heartbeats come", async || {
         has_fresh_heartbeat(&a, &b.name()) && has_fresh_heartbeat(&b, &a.name())
     })
     .await;
     let (keys, silent) = (Keys::default(), InstanceId::parse("c").unwrap());
     let token = router.liveliness().declare_token(keys.service(&silent));
     let _token = token.await.unwrap();
-    until("its heartbeat came", async || {
+    until_answered("its heartbeat came", async || {
         let heartbeat = router.put(keys.digest(&silent), Digest::HEARTBEAT);
         heartbeat.await.unwrap();
         has_fresh_heartbeat(&a, &silent)
     })
     .await;
     // The last of them may still be under way.
-    until("its heartbeats are missing", async || {
+    until_answered("its heartbeats are missing", async || {
         a.pass(HEARTBEATS_MISSING_AFTER);
-        until("the others' go on", async || {
+        until_answered("the others' go on", async || {
             has_fresh_heartbeat(&a, &b.name())
         })
         .await;
@@ -422,14 +412,14 @@ async fn a_robot_on_ros_2_is_heard_by_the_instance_that_has_it() {
         let view = one.fleet.robot(&id("tugger_01")).unwrap();
         !view.topics.is_empty()
     };
-    until("its topic is known", async || {
+    until_answered("its topic is known", async || {
         announced(&a).await && announced(&b).await
     })
     .await;
     tokio::time::sleep(limits::CLUSTER_OVERLAP).await;
     let key = format!("0/tugger_01/wheel_odometry/{topic}");
     robots.drive_on(std::slice::from_ref(&key)).await;
-    until("its owner hears it", async || {
+    until_answered("its owner hears it", async || {
         a.processed("tugger_01") == 100
     })
     .await;
@@ -439,7 +429,7 @@ async fn a_robot_on_ros_2_is_heard_by_the_instance_that_has_it() {
     a.membership.cluster().unwrap().ended(&id("tugger_01"));
     b.adopt("tugger_01", 2).await;
     robots.drive_on(&[key]).await;
-    until("the other one hears it", async || {
+    until_answered("the other one hears it", async || {
         b.processed("tugger_01") == 100
     })
     .await;
@@ -458,8 +448,8 @@ async fn nothing_leaves_after_the_lease_has_ended() {
     a.adopt("tugger_01", 1).await;
     robots.drive().await;
     let put = async || !robots.estimated_by("tugger_01").is_empty();
-    until("an estimate is put", put).await;
-    until("the other one is told", async || {
+    until_answered("an estimate is put", put).await;
+    until_answered("the other one is told", async || {
         b.fleet.robot(&id("tugger_01")).unwrap().estimate.is_some()
     })
     .await;
@@ -469,7 +459,7 @@ async fn nothing_leaves_after_the_lease_has_ended() {
     robots.estimated_by("tugger_01");
     let told = b.fleet.robot(&id("tugger_01")).unwrap().estimate;
     robots.drive().await;
-    until("its estimator goes on", async || {
+    until_answered("its estimator goes on", async || {
         a.processed("tugger_01") == 200
     })
     .await;
@@ -477,7 +467,7 @@ async fn nothing_leaves_after_the_lease_has_ended() {
     assert_eq!(robots.estimated_by("tugger_01"), []);
     assert_eq!(b.fleet.robot(&id("tugger_01")).unwrap().estimate, told);
     a.renew();
-    until("it acts again", put).await;
+    until_answered("it acts again", put).await;
     a.leave().await;
     b.leave().await;
     drop(router);
@@ -491,11 +481,11 @@ async fn who_does_not_reach_the_database_leaves_robots_to_others() {
     let key = Keys::default().stream(&id("tugger_01"), StreamKind::CalibrationApproved);
     let querier = router.declare_querier(key).await.unwrap();
     let is_answered = async || querier.matching_status().await.unwrap().matching();
-    until("it answers", is_answered).await;
+    until_answered("it answers", is_answered).await;
     a.clock.advance(limits::CLUSTER_UNANSWERED_AFTER);
-    until("it leaves them", async || !is_answered().await).await;
+    until_answered("it leaves them", async || !is_answered().await).await;
     a.renew();
-    until("it answers again", is_answered).await;
+    until_answered("it answers again", is_answered).await;
     a.leave().await;
     drop(router);
 }

@@ -10,6 +10,7 @@ use fleetcal_proto::RobotId;
 use fleetcal_store::StoreError;
 
 use super::Lifecycle;
+use super::decide::Release;
 
 impl Lifecycle {
     /// Reads again the records of robots that another instance has changed.
@@ -88,15 +89,15 @@ impl Lifecycle {
         Ok(self.ledger(robot))
     }
 
-    /// Tenure that a command needs. The service's own decisions are the owner's part, except
-    /// answers to a robot's request: any instance has them.
+    /// Tenure that a command needs. The service's own decisions and releases are the owner's part,
+    /// except answers to a robot's request: any instance has them.
     pub(super) fn tenure_for(
         &self,
         robot: &RobotId,
         command: &Command,
-        actor: &Actor,
+        (actor, release): (&Actor, Option<Release>),
     ) -> Result<Option<Tenure>, StoreError> {
-        let is_own = actor.authentication == Authentication::Service
+        let is_own = (actor.authentication == Authentication::Service || release.is_some())
             && !matches!(command, Command::Offer { .. });
         if !is_own || self.inner.membership.cluster().is_none() {
             return Ok(None);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use async_trait::async_trait;
 use fleetcal_cluster::Tenure;
-use fleetcal_domain::access::{Actor, Authentication, Role};
+use fleetcal_domain::access::{AccountName, Actor, Authentication, Role};
 use fleetcal_domain::alert::{AlertKind, StoredAlert, Subject};
 use fleetcal_domain::approval::{
     Command, Drawing, Outcome, Policy, Present, Proposal, Refused, Standing, Transition, audited,
@@ -16,9 +16,10 @@ use fleetcal_domain::limits;
 use fleetcal_domain::robot::{CrossTrack, RobotView};
 use fleetcal_domain::standing::{self, RobotAlerts, StandingBasis};
 use fleetcal_domain::webhook::Message;
-use fleetcal_model::{Generation, NoteKind, Pose2, ProposalId, RobotTime, WallTime};
+use fleetcal_model::{Generation, NoteKind, Pose2, ProposalId, RobotTime, RolloutId, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
+use fleetcal_rollout::RolloutRefused;
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{
     AuditEntry, EventKind, EventSource, IdempotencyKey, Job, NewEvent, Records, RobotRecord,
@@ -57,6 +58,17 @@ pub struct Decide {
     pub view: Option<Box<RobotView>>,
     /// Cross-track errors of the robot, by generation.
     pub cross_tracks: BTreeMap<Generation, CrossTrack>,
+    /// Roll-out that releases the approval; `None` for a decision at this moment.
+    pub release: Option<Release>,
+}
+
+/// Wave of a roll-out that releases an approval.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Release {
+    /// Number of the roll-out.
+    pub rollout: RolloutId,
+    /// Number of the wave, from 1.
+    pub wave: u32,
 }
 
 /// Result of a decision.
@@ -78,6 +90,7 @@ impl Job for Decide {
         {
             return Err(StoreError::Fenced(self.robot.clone()));
         }
+        self.check_release(records).await?;
         if let Some(proposal) = self.answered(records).await? {
             return Ok(Decided::Repeated(Box::new(proposal)));
         }
@@ -101,6 +114,33 @@ impl Job for Decide {
 }
 
 impl Decide {
+    /// Refuses an approval that its roll-out does not release now, or whose approver's account does
+    /// not permit it any more.
+    async fn check_release(&self, records: &mut dyn Records) -> Result<(), StoreError> {
+        let Some(Release { rollout, wave }) = self.release else {
+            return Ok(());
+        };
+        let found = records.rollout(rollout).await?;
+        let found = found.ok_or(RolloutRefused::Unknown(rollout))?;
+        let name = AccountName::parse(&found.approver.name);
+        let account = match (name, found.approver.authentication) {
+            (Ok(name), Authentication::Session) => {
+                let user = records.user_named(&name).await?;
+                let user = user.filter(|user| !user.disabled);
+                user.map(|user| (user.grant, user.created_ns))
+            }
+            (Ok(name), Authentication::Token) => {
+                let token = records.token_named(&name, self.now).await?;
+                token.map(|token| (token.grant, token.span.created_ns))
+            }
+            _ => None,
+        };
+        let account = account
+            .as_ref()
+            .map(|(grant, created_ns)| (grant, *created_ns));
+        Ok(found.may_release(wave, account)?)
+    }
+
     async fn step(
         &self,
         records: &mut dyn Records,

@@ -14,14 +14,17 @@ mod history;
 mod inbox;
 mod offer;
 mod policy;
+mod rollout_duty;
+mod rollouts;
 #[cfg(test)]
 mod tests;
 
-pub use decide::{Decide, Decided};
+pub use decide::{Decide, Decided, Release};
 use fleetcal_model::Version;
 pub use freeze::SetFreeze;
 pub use offer::OutboxMessage;
 pub use policy::SetPolicy;
+pub use rollouts::{AdvanceRollout, ChangeRollout, RolloutChange, StartRollout};
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -144,6 +147,7 @@ impl Lifecycle {
         let tasks = &lifecycle.inner.tasks;
         tasks.spawn(answers::hear(lifecycle.clone()));
         tasks.spawn(duty::attend(lifecycle.clone()));
+        tasks.spawn(rollout_duty::attend(lifecycle.clone()));
         // What was decided before the service stopped may not have been sent.
         lifecycle.inner.outbox.notify_one();
         Ok(lifecycle)
@@ -241,7 +245,22 @@ impl Lifecycle {
         idempotency: Option<IdempotencyKey>,
     ) -> Result<Decided, StoreError> {
         let (lifecycle, robot) = (self.clone(), robot.clone());
-        self.see_through(async move { lifecycle.take(&robot, command, actor, idempotency).await })
+        let made = (idempotency, None);
+        self.see_through(async move { lifecycle.take(&robot, command, actor, made).await })
+            .await
+    }
+
+    /// Applies a command that a roll-out releases.
+    async fn decide_released(
+        &self,
+        robot: &RobotId,
+        command: Command,
+        actor: Actor,
+        release: Release,
+    ) -> Result<Decided, StoreError> {
+        let (lifecycle, robot) = (self.clone(), robot.clone());
+        let made = (None, Some(release));
+        self.see_through(async move { lifecycle.take(&robot, command, actor, made).await })
             .await
     }
 
@@ -263,11 +282,11 @@ impl Lifecycle {
         robot: &RobotId,
         command: Command,
         actor: Actor,
-        idempotency: Option<IdempotencyKey>,
+        (idempotency, release): (Option<IdempotencyKey>, Option<Release>),
     ) -> Result<Decided, StoreError> {
         let lock = self.lock(robot);
         let _turn = lock.turn.lock().await;
-        let tenure = self.tenure_for(robot, &command, &actor)?;
+        let tenure = self.tenure_for(robot, &command, (&actor, release))?;
         let decision = Decide {
             robot: robot.clone(),
             command,
@@ -281,6 +300,7 @@ impl Lifecycle {
             present: self.present(robot),
             view: self.inner.fleet.robot(robot).map(Box::new),
             cross_tracks: self.inner.fleet.cross_tracks(robot),
+            release,
         };
         let decided = self.inner.store.transact(decision).await?;
         if let Decided::Taken(outcome) = &decided {

@@ -78,7 +78,8 @@ impl HttpClient {
         http.set_keepalive_interval(Some(PROBED_AFTER));
         http.set_keepalive_retries(Some(3));
         http.set_nodelay(true);
-        let https = HttpsConnectorBuilder::new().with_tls_config(tls(trust)?);
+        let https = HttpsConnectorBuilder::new()
+            .with_tls_config(trusted(trust.root_certificates.as_deref())?);
         let https = if trust.plaintext {
             https.https_or_http()
         } else {
@@ -132,8 +133,9 @@ fn copy(names: &[HeaderName], from: &HeaderMap, to: &mut HeaderMap) {
     }
 }
 
-fn tls(trust: &Trust) -> Result<ClientConfig, PeersError> {
-    let roots = match &trust.root_certificates {
+/// Makes a TLS configuration that trusts the authorities of a file, or else those of the machine.
+pub(crate) fn trusted(authorities: Option<&Path>) -> Result<ClientConfig, PeersError> {
+    let roots = match authorities {
         Some(path) => roots_of(path)?,
         None => roots_of_machine(),
     };

@@ -26,6 +26,7 @@ use tokio_util::sync::CancellationToken;
 
 pub use url::PeerUrl;
 
+pub(crate) use client::trusted;
 use client::{HttpClient, Trust};
 
 /// Configuration of this instance and the others: `[cluster]` of `fleetcal.toml`.

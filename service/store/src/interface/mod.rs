@@ -6,4 +6,5 @@ mod approvals;
 mod certificates;
 mod cluster;
 mod policy;
+mod rollouts;
 mod webhooks;

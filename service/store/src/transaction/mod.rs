@@ -9,6 +9,7 @@ mod answers;
 mod approvals;
 mod job;
 mod robots;
+mod rollouts;
 mod task;
 mod webhooks;
 
@@ -22,6 +23,7 @@ pub use answers::{Answer, AnswerRecords, AnswerScope};
 pub use approvals::ApprovalRecords;
 pub use job::{Job, Waiting};
 pub use robots::RobotRecords;
+pub use rollouts::RolloutRecords;
 pub(crate) use task::{Asked, JobsTask};
 pub use webhooks::WebhookRecords;
 
@@ -43,6 +45,7 @@ pub trait Records:
     + AnswerRecords
     + ApprovalRecords
     + RobotRecords
+    + RolloutRecords
     + SessionRecords
     + TokenRecords
     + WebhookRecords

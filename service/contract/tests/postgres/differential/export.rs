@@ -7,12 +7,14 @@ use fleetcal_domain::access::SecretHash;
 use fleetcal_domain::alert::ConditionName;
 use fleetcal_domain::approval::ProposalState;
 use fleetcal_model::{
-    AlertId, AuditId, DeploymentId, Generation, Parameter, ProposalId, UserId, WallTime, WebhookId,
+    AlertId, AuditId, DeploymentId, Generation, Parameter, ProposalId, RolloutId, UserId, WallTime,
+    WebhookId,
 };
+use fleetcal_rollout::RolloutState;
 use fleetcal_store::backend::Stretch;
 use fleetcal_store::{
     AlertFilter, AlertSelection, AuditFilter, CertificateFilter, HistoryQuery, ProposalFilter,
-    Store,
+    RolloutFilter, Store,
 };
 
 use super::chance::robots;
@@ -62,6 +64,7 @@ pub async fn everything(store: &Store, calls: &Calls) -> String {
     export.history().await;
     export.approvals().await;
     export.certificates().await;
+    export.rollouts().await;
     export.audit().await;
     export.alerts().await;
     export.webhooks().await;
@@ -174,6 +177,27 @@ impl Export<'_> {
             for generation in NUMBERS {
                 ask!(self, "envelope", envelope(&robot, Generation(generation)));
             }
+        }
+    }
+
+    async fn rollouts(&mut self) {
+        for state in RolloutState::ALL.iter().copied().map(Some).chain([None]) {
+            let filter = RolloutFilter {
+                state,
+                before: None,
+                limit: MANY,
+            };
+            ask!(self, "rollouts", rollouts(&filter));
+            let some = RolloutFilter {
+                before: Some(3),
+                limit: 1,
+                ..filter
+            };
+            ask!(self, "rollouts", rollouts(&some));
+        }
+        for number in NUMBERS {
+            ask!(self, "rollout", rollout(RolloutId(number)));
+            ask!(self, "rollout_robots", rollout_robots(RolloutId(number)));
         }
     }
 

@@ -24,6 +24,7 @@ use super::methods::Calls;
 
 mod access;
 mod alerts;
+mod rollouts;
 mod webhooks;
 
 /// Kind of an operation.
@@ -46,6 +47,7 @@ pub enum Kind {
     Propose,
     Close,
     Advance,
+    Rollout,
     Freeze,
     SavePolicy,
     SaveConfig,
@@ -79,6 +81,7 @@ impl Kind {
         Self::Close,
         Self::Close,
         Self::Advance,
+        Self::Rollout,
         Self::Freeze,
         Self::SavePolicy,
         Self::SaveConfig,
@@ -150,6 +153,7 @@ impl Job for Operation {
             Kind::AnswerProposal => run.answer_proposal().await?,
             Kind::AnswerAccess => run.answer_access().await?,
             Kind::Propose | Kind::Close | Kind::Advance => run.decide(self.kind).await?,
+            Kind::Rollout => run.roll_out().await?,
             Kind::Freeze => run.freeze().await?,
             Kind::SavePolicy => run.save_policy().await?,
             Kind::SaveConfig => run.save_config().await?,

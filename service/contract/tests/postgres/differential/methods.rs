@@ -27,12 +27,13 @@ impl Calls {
 
 /// Returns the methods of the traits that a database implements.
 fn declared() -> Vec<(&'static str, &'static str)> {
-    const RECORDS: [&str; 7] = [
+    const RECORDS: [&str; 8] = [
         include_str!("../../../../store/src/transaction/accounts.rs"),
         include_str!("../../../../store/src/transaction/alerts.rs"),
         include_str!("../../../../store/src/transaction/answers.rs"),
         include_str!("../../../../store/src/transaction/approvals.rs"),
         include_str!("../../../../store/src/transaction/robots.rs"),
+        include_str!("../../../../store/src/transaction/rollouts.rs"),
         include_str!("../../../../store/src/transaction/webhooks.rs"),
         include_str!("../../../../store/src/transaction/mod.rs"),
     ];

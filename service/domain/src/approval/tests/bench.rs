@@ -50,6 +50,7 @@ pub(super) fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
             steering_gain: parameter(Parameter::SteeringGain),
         },
         covariance: None,
+        steering_table: None,
         reassembly_open: false,
         detection: None,
         consistency: Consistency::default(),

@@ -101,13 +101,13 @@ async fn an_instance_frozen_between_gate_and_put_puts_one_late_estimate() {
     }
     robots.drive().await;
     let mut processed = 100;
-    until("new estimates wait to be put", async || {
+    until_answered("new estimates wait to be put", async || {
         let by_a = async || !robots.estimated_by(ROBOTS[0]).is_empty();
-        until("estimates are put", by_a).await;
+        until_answered("estimates are put", by_a).await;
         robots.drive().await;
         processed += 100;
         let all_processed = async || ROBOTS.iter().all(|robot| a.processed(robot) == processed);
-        let made = until("new ones are made", all_processed);
+        let made = until_answered("new ones are made", all_processed);
         tokio::time::timeout(BEFORE_THE_NEXT_PUT, made)
             .await
             .is_ok()
@@ -126,7 +126,7 @@ async fn an_instance_frozen_between_gate_and_put_puts_one_late_estimate() {
     robots.drive().await;
     for robot in ROBOTS {
         let mut taken_over = Vec::new();
-        until("the other one puts estimates", async || {
+        until_answered("the other one puts estimates", async || {
             taken_over.extend(robots.estimated_by(robot));
             !taken_over.is_empty()
         })

@@ -1,19 +1,16 @@
 //! Route `GET /cluster`: the instances, their robots and duties, and their state.
 
-mod document;
-
 use std::sync::Arc;
 
 use axum::Json;
 use axum::extract::State;
 use fleetcal_cluster::{Membership, Snapshot};
+use fleetcal_documents::ClusterDocument;
 use fleetcal_proto::RobotId;
 
 use super::ApiState;
 use super::extract::{NoParameters, Parameters};
 use super::problem::Problem;
-
-use document::ClusterDocument;
 
 /// Owners of the robots at one moment.
 #[derive(Debug)]

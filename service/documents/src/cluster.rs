@@ -6,17 +6,16 @@ use fleetcal_cluster::{
     Cluster, Duty, Epoch, InstanceId, Member, Membership, Seat, Snapshot, Takeover, homeless,
 };
 use fleetcal_domain::limits;
+use fleetcal_domain::timestamp as time;
 use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use jiff::Timestamp;
 use serde::Serialize;
 
-use crate::time;
-
 /// Cluster of instances that share a fleet.
 #[derive(Debug, Default, Serialize, utoipa::ToSchema)]
 #[schema(as = Cluster)]
-pub(crate) struct ClusterDocument {
+pub struct ClusterDocument {
     /// True if a single service has all robots, so that there are no instances.
     alone: bool,
     /// Instance that answers; absent for a single service.
@@ -101,7 +100,7 @@ struct TakeoverDocument {
 
 impl ClusterDocument {
     /// Document of a process's cluster.
-    pub(super) fn of(membership: &Membership) -> Self {
+    pub fn of(membership: &Membership) -> Self {
         match membership.cluster() {
             Some(cluster) => Self::of_cluster(cluster),
             None => Self {
