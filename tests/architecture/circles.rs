@@ -112,7 +112,7 @@ pub const CRATES: [Member; 37] = [
         "service/link",
         "clock cluster domain fleet model operations proto",
     ),
-    member("fleetcal-statistics", "service/statistics", "model"),
+    member("fleetcal-statistics", "service/statistics", "domain model"),
     member("fleetcal-view", "service/view", "domain model"),
     member("fleetcal-http", "service/http", "clock domain"),
     member(

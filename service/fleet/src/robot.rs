@@ -23,7 +23,7 @@ use fleetcal_domain::robot::{
 };
 use fleetcal_estimator::advice::ranking::Ranked;
 use fleetcal_estimator::{EstimatorSettings, RobotTime};
-use fleetcal_model::{AuditId, Generation, Stream, Version, WallTime};
+use fleetcal_model::{AuditId, Generation, Innovation, Stream, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -200,6 +200,11 @@ impl Robot {
             tenancy: Mutex::default(),
             estimators: Mutex::default(),
         }
+    }
+
+    /// Returns its latest innovations, oldest first.
+    pub fn innovations(&self) -> Vec<Innovation> {
+        lock(&self.innovations).latest()
     }
 
     /// Restores the time of its last message before the service started, wall time.
@@ -400,7 +405,7 @@ impl Robot {
 
     /// Sets a new estimate.
     pub fn set_estimate(&self, estimate: Arc<EstimateDocument>) {
-        self.take_innovation(&estimate);
+        lock(&self.innovations).take_of(&estimate);
         lock(&self.status).estimate = Some(estimate);
     }
 

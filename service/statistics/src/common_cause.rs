@@ -102,7 +102,12 @@ fn shifts(
         .into_iter()
         .enumerate()
         .filter_map(|(at, parameter)| {
-            let (of_group, of_others) = (values(inside, at), values(outside, at));
+            // Angles of both have one reference.
+            let all: Vec<&Robot> = inside.iter().chain(outside).copied().collect();
+            let known =
+                |robots: &[&Robot]| robots.iter().filter(|one| one.values[at].is_some()).count();
+            let mut of_group = values(&all, at);
+            let of_others = of_group.split_off(known(inside));
             if of_group.len().min(of_others.len()) < ROBOTS_MIN {
                 return None;
             }

@@ -2,11 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use fleetcal_domain::approval::RobotLedger;
+use fleetcal_domain::deviation::Deviation;
+use fleetcal_domain::robot::RobotView;
 use fleetcal_model::Parameter;
 use serde::Serialize;
 
 use crate::distribution::Distribution;
-use crate::population::{FOUR, Grouping, Robot};
+use crate::population::{FOUR, Grouping, Robot, values};
 
 /// Robot with how far its calibration in use is from what it estimates.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,6 +20,24 @@ pub struct Member {
     pub deviation: Option<f64>,
     /// True if its calibration in use was verified.
     pub is_verified: bool,
+}
+
+impl Member {
+    /// Member by the view and the records of a robot, with the deviation of its estimate.
+    pub fn of(view: &RobotView, ledger: &RobotLedger, deviation: Option<Deviation>) -> Self {
+        Self {
+            robot: Robot::of(view),
+            deviation: deviation.map(|one| one.tolerances),
+            is_verified: is_verified(ledger),
+        }
+    }
+}
+
+/// True if the calibration that the robot has in use was verified.
+fn is_verified(ledger: &RobotLedger) -> bool {
+    let mut verified = ledger.shadow.verified.iter();
+    let in_use = ledger.shadow.in_use.as_ref();
+    in_use.is_some_and(|in_use| verified.any(|one| one.generation == in_use.generation))
 }
 
 /// Statistics of one group.
@@ -79,8 +100,8 @@ fn known(
     at: usize,
     parameter: Parameter,
 ) -> Option<(&'static str, Distribution)> {
-    let values = members.iter().filter_map(|one| one.robot.values[at]);
-    let distribution = Distribution::of(values.map(|known| known.value).collect())?;
+    let robots: Vec<&Robot> = members.iter().map(|one| &one.robot).collect();
+    let distribution = Distribution::of(values(&robots, at))?;
     Some((parameter.name(), distribution))
 }
 

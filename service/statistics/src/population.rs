@@ -1,8 +1,10 @@
 //! Robots of a kind, with what they share.
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
-use fleetcal_model::Parameter;
+use fleetcal_domain::robot::RobotView;
+use fleetcal_model::{Parameter, ParameterStatus, Unit};
 use serde::{Deserialize, Serialize};
 
 /// Values that statistics are made of.
@@ -52,6 +54,31 @@ pub struct Robot {
 }
 
 impl Robot {
+    /// Properties and converged values of a robot by its view. Robots without a configuration are of
+    /// one kind, without a name.
+    pub fn of(view: &RobotView) -> Self {
+        let config = view.config.as_ref();
+        let kind = config.map(|config| match &config.vehicle_type {
+            Some(kind) => kind.to_string(),
+            None => config.model.name().to_owned(),
+        });
+        let site = config.and_then(|config| config.site.as_ref());
+        let tags = config.map_or(&[][..], |config| config.tags.as_slice());
+        Self {
+            id: view.id.to_string(),
+            kind: kind.unwrap_or_default(),
+            site: site.map(ToString::to_string),
+            tags: tags.iter().map(ToString::to_string).collect(),
+            values: FOUR.map(|name| {
+                let parameter = view.estimate.as_deref()?.parameters.get(name);
+                (parameter.status == ParameterStatus::Converged).then_some(Known {
+                    value: parameter.value,
+                    sigma: parameter.sigma,
+                })
+            }),
+        }
+    }
+
     /// Names of the groups that the robot is in.
     pub fn groups(&self, by: Grouping) -> Vec<&str> {
         match by {
@@ -102,8 +129,20 @@ impl<'a> Population<'a> {
     }
 }
 
-/// Known values of robots at one place of [`FOUR`].
+/// Known values of robots at one place of [`FOUR`]. Angles are those nearest to the first one: lidars
+/// that face backwards have yaws beside both pi and -pi.
 pub(crate) fn values(robots: &[&Robot], at: usize) -> Vec<f64> {
     let known = robots.iter().filter_map(|robot| robot.values[at]);
-    known.map(|known| known.value).collect()
+    let mut values: Vec<f64> = known.map(|known| known.value).collect();
+    if let (Unit::Radian, Some(&first)) = (FOUR[at].unit(), values.first()) {
+        for value in &mut values {
+            *value = first + wrapped(*value - first);
+        }
+    }
+    values
+}
+
+/// Angle between -pi and pi that points in the same direction.
+pub(crate) fn wrapped(angle_rad: f64) -> f64 {
+    angle_rad - TAU * (angle_rad / TAU).round()
 }

@@ -10,23 +10,22 @@ use crate::two_sided;
 pub(crate) fn probability(first: &[f64], second: &[f64]) -> f64 {
     let (n, m) = (first.len() as f64, second.len() as f64);
     let all = n + m;
-    // 1. Number of pairs; equal values count half.
-    let pairs = first.iter().map(|a| {
-        let of_pair = second.iter().map(|b| match a.total_cmp(b) {
-            std::cmp::Ordering::Greater => 1.0,
-            std::cmp::Ordering::Equal => 0.5,
-            std::cmp::Ordering::Less => 0.0,
-        });
-        of_pair.sum::<f64>()
-    });
-    let u: f64 = pairs.sum();
-    // 2. Its variance, less what ties take.
-    let mut sorted: Vec<f64> = first.iter().chain(second).copied().collect();
-    sorted.sort_by(f64::total_cmp);
-    let ties = sorted.chunk_by(|a, b| a.total_cmp(b).is_eq());
-    let tied: f64 = ties
-        .map(|tie| (tie.len() as f64).powi(3) - tie.len() as f64)
-        .sum();
+    // 1. Ranks in order; equal values share the mean of theirs.
+    let of_first = first.iter().map(|value| (*value, true));
+    let mut sorted: Vec<(f64, bool)> = of_first
+        .chain(second.iter().map(|value| (*value, false)))
+        .collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut below, mut ranks, mut tied) = (0.0, 0.0, 0.0);
+    for tie in sorted.chunk_by(|a, b| a.0.total_cmp(&b.0).is_eq()) {
+        let size = tie.len() as f64;
+        let own = tie.iter().filter(|(_, is_first)| *is_first).count() as f64;
+        ranks += own * (below + f64::midpoint(size, 1.0));
+        tied += size.powi(3) - size;
+        below += size;
+    }
+    // 2. Pairs whose first value is the larger, and their variance.
+    let u = ranks - n * (n + 1.0) / 2.0;
     let variance = n * m * (all + 1.0 - tied / (all * (all - 1.0))) / 12.0;
     if variance.is_nan() || variance <= 0.0 {
         return 1.0;

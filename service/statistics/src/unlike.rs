@@ -54,11 +54,12 @@ pub fn unlike(robots: &[Robot], explained: &[&str], tolerances: [f64; FOUR.len()
             }
             let caution = 1.0 + SPREAD_CAUTION * SPREAD_DEVIATION / (known.len() as f64).sqrt();
             let improbable = FALSE_NAMES / (FOUR.len() * robots.len()) as f64;
-            for robot in &population.robots {
-                let Some(value) = robot.values[at] else {
-                    continue;
-                };
-                let difference = value.value - median;
+            let has_value = population
+                .robots
+                .iter()
+                .filter_map(|robot| Some((robot, robot.values[at]?)));
+            for ((robot, value), unwrapped) in has_value.zip(&known) {
+                let difference = unwrapped - median;
                 let sigma = (caution * spread).hypot(value.sigma);
                 let z = difference.abs() / sigma;
                 if two_sided(z) < improbable && difference.abs() > tolerances[at] {

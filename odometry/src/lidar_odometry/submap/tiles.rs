@@ -40,7 +40,7 @@ struct Tile {
     last_update: u32,
     /// Cells whose points changed in this update, one bit each.
     changed: u64,
-    /// Cells whose lines are to be laid anew.
+    /// Cells whose lines are to be laid again.
     due: u64,
     lines: TileCells<Line>,
     moments: TileCells<Moments>,
@@ -128,7 +128,7 @@ impl TilePool {
         }
     }
 
-    /// Lays the lines anew of all cells in whose window of three by three cells points have changed, by
+    /// Lays again the lines of all cells in whose window of three by three cells points have changed, by
     /// `fit`, which is given the cell's column and row in its tile.
     pub fn fit_changed(&mut self, fit: impl Fn(&Around<'_>, i32, i32) -> Line) {
         // 1. The cells that are due, in the changed ones' tiles and beside them.

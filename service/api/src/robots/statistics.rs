@@ -2,7 +2,7 @@
 
 use axum::Json;
 use axum::extract::State;
-use fleetcal_model::{ParameterStatus, WallTime};
+use fleetcal_model::WallTime;
 use fleetcal_statistics::{
     CommonCause, FOUR, GroupStatistics, Grouping, Known, Member, Robot, Unlike, common_causes,
     groups, unlike,
@@ -63,7 +63,8 @@ pub(super) async fn get_statistics(
     let by = grouping_of(parameters.by.as_deref())?;
     let at_ns = api.clock.now();
     let listed = in_view(&api, &query, at_ns);
-    let members: Vec<Member> = listed.iter().map(member_of).collect();
+    let of = |robot: &Listed| Member::of(&robot.view, &robot.ledger, robot.deviation);
+    let members: Vec<Member> = listed.iter().map(of).collect();
     let robots: Vec<Robot> = members.iter().map(|one| one.robot.clone()).collect();
     let tolerances = api.lifecycle.policy().propose_beyond.limits();
     let common_causes = common_causes(&robots, tolerances);
@@ -88,43 +89,4 @@ fn grouping_of(text: Option<&str>) -> Result<Grouping, Problem> {
         Some("tag") => Ok(Grouping::Tag),
         Some(text) => Err(Problem::refused("by", text, "site, type or tag")),
     }
-}
-
-fn member_of(robot: &Listed) -> Member {
-    Member {
-        robot: robot_of(robot),
-        deviation: robot.deviation.map(|one| one.tolerances),
-        is_verified: is_verified(robot),
-    }
-}
-
-/// Takes the properties and converged values of a robot. Robots without a configuration are of one
-/// kind, without a name.
-fn robot_of(robot: &Listed) -> Robot {
-    let properties = robot.properties();
-    let kind = properties.vehicle_type.map(ToString::to_string);
-    let model = properties.model.map(|model| model.name().to_owned());
-    Robot {
-        id: properties.id.to_owned(),
-        kind: kind.or(model).unwrap_or_default(),
-        site: properties.site.map(ToString::to_string),
-        tags: properties.tags.iter().map(ToString::to_string).collect(),
-        values: FOUR.map(|name| {
-            let parameter = robot.view.estimate.as_deref()?.parameters.get(name);
-            (parameter.status == ParameterStatus::Converged).then_some(Known {
-                value: parameter.value,
-                sigma: parameter.sigma,
-            })
-        }),
-    }
-}
-
-/// True if the calibration that the robot has in use was verified.
-fn is_verified(robot: &Listed) -> bool {
-    let shadow = &robot.ledger.shadow;
-    let in_use = shadow.in_use.as_ref();
-    in_use.is_some_and(|in_use| {
-        let mut verified = shadow.verified.iter();
-        verified.any(|one| one.generation == in_use.generation)
-    })
 }

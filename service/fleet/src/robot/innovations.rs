@@ -6,13 +6,23 @@ use fleetcal_domain::limits::INNOVATIONS_KEPT;
 use fleetcal_model::Innovation;
 use fleetcal_proto::estimate::EstimateDocument;
 
-use super::{Robot, lock};
-
 /// Innovations of a robot, one of each estimate with a new one, oldest first.
 #[derive(Debug, Default)]
 pub(super) struct Innovations(VecDeque<Innovation>);
 
 impl Innovations {
+    /// Takes the innovation of an estimate; an estimate before the first update has none.
+    pub(super) fn take_of(&mut self, estimate: &EstimateDocument) {
+        if let Some(innovation) = estimate.consistency.innovation {
+            self.take(innovation);
+        }
+    }
+
+    /// Returns the latest innovations, oldest first.
+    pub(super) fn latest(&self) -> Vec<Innovation> {
+        self.0.iter().copied().collect()
+    }
+
     fn take(&mut self, innovation: Innovation) {
         match self.0.back() {
             // A robot at rest has no updates, and repeats the last one.
@@ -25,19 +35,6 @@ impl Innovations {
             self.0.pop_front();
         }
         self.0.push_back(innovation);
-    }
-}
-
-impl Robot {
-    pub(super) fn take_innovation(&self, estimate: &EstimateDocument) {
-        if let Some(innovation) = estimate.consistency.innovation {
-            lock(&self.innovations).take(innovation);
-        }
-    }
-
-    /// Returns its latest innovations, oldest first.
-    pub fn innovations(&self) -> Vec<Innovation> {
-        lock(&self.innovations).0.iter().copied().collect()
     }
 }
 

@@ -5,6 +5,7 @@ use rand::{Rng as _, SeedableRng};
 use rand_distr::{Distribution as _, StandardNormal, StudentT};
 
 use super::*;
+use crate::population::wrapped;
 use crate::{Known, unlike};
 
 /// Tolerances: rad, m, m, rad.
@@ -91,6 +92,35 @@ fn one_robot_that_is_unlike_its_kind_is_named_and_chance_is_not() {
         assert!(unlike(&fleet, &["agv_003"], TOLERANCES).is_empty());
     }
     assert_eq!(wrong, 0);
+}
+
+#[test]
+fn yaws_beside_pi_are_near_each_other() {
+    let mut rng = StdRng::seed_from_u64(5);
+    let mut fleet = fleet(40, &mut rng);
+    for (number, robot) in fleet.iter_mut().enumerate() {
+        let yaw = &mut robot.values[3].as_mut().unwrap().value;
+        *yaw = wrapped(std::f64::consts::PI + *yaw / 4.0);
+        robot.tags = if number < 12 {
+            vec!["jig 3".to_owned()]
+        } else {
+            Vec::new()
+        };
+    }
+    assert!(common_causes(&fleet, TOLERANCES).is_empty());
+    assert!(
+        unlike(&fleet, &[], TOLERANCES)
+            .iter()
+            .all(|one| one.parameter != Parameter::LidarYaw)
+    );
+    for robot in &mut fleet[..12] {
+        let yaw = &mut robot.values[3].as_mut().unwrap().value;
+        *yaw = wrapped(*yaw + 5.0 * TOLERANCES[3]);
+    }
+    let causes = common_causes(&fleet, TOLERANCES);
+    assert_eq!(causes[0].group, "jig 3");
+    let tolerances = causes[0].shifts[0].shift / TOLERANCES[3];
+    assert!((4.0..6.0).contains(&tolerances), "{tolerances}");
 }
 
 #[test]
