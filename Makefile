@@ -486,8 +486,8 @@ screenshots: build chromium ## Takes the pictures in docs/ from the running demo
 	cd web && FLEETCAL_BIN=$(abspath $(BIN)) npm run screenshots
 
 .PHONY: release
-release: dashboard rust ## Static binary, Debian package, container image, notices, SBOM and checksums in target/packages
-	packaging/release.sh
+release: dashboard rust python ## Static binary, Debian package, Python wheel, container image, notices, SBOM and checksums in target/packages
+	PYTHON=$(PYTHON) packaging/release.sh
 
 .PHONY: sbom
 sbom: node rust ## Bills of materials (CycloneDX) of the program and its dashboard, in target/sbom (compiles cargo-cyclonedx once)

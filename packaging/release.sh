@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Makes what a release publishes, in target/packages: a static binary in an archive, a Debian package,
-# a container image, third-party notices, bills of materials and checksums. `make release` runs it.
+# a Python wheel, a container image, third-party notices, bills of materials and checksums. `make
+# release` runs it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -81,7 +82,7 @@ notices() {
   printf '```\n\n# The Rust standard library\n\nThe file rust-library.html beside this one.\n'
 }
 
-# Everything that the archive, the Debian package and the image contain, in one folder.
+# Everything that the archive, the Debian package, the wheel and the image contain, in one folder.
 gather() {
   rm -rf "$stage" "$out"
   mkdir -p "$stage/man" "$stage/completions" "$out"
@@ -131,6 +132,8 @@ archive
 debian_package 1 "$out/fleetcal_$version-1_amd64.deb"
 # A later revision of the same, for the test of an upgrade; it is not published.
 debian_package 2 "$stage/fleetcal_$version-2_amd64.deb" --fast
+# Static: it asks for no C library, of whatever kind and age.
+packaging/wheel.sh "$stage" "$out" manylinux2014_x86_64 musllinux_1_1_x86_64
 packaging/sbom.sh "$out"
 container
 cd "$out"

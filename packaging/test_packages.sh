@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs, starts, upgrades, removes and purges the Debian package of target/packages in a Debian of
-# its own, and runs the container image and the archive. `make test-packages`, as root.
+# its own, and runs the container image, the archive and the wheel. `make test-packages`, as root.
 #
 # systemd does not run in a chroot. In its place the line ExecStart of the installed unit is run as the
 # unit's User, with its StateDirectory made as systemd makes it; `systemd-analyze verify` reads the unit.
@@ -184,6 +184,16 @@ archive_calibrates_a_recording() {
   echo "the archive's binary calibrates a recording"
 }
 
+# The machine's own Python: the wheel has the static binary alone.
+wheel_checks_a_recording() {
+  local environment="$work/environment"
+  python3 -m venv "$environment"
+  "$environment/bin/pip" install --quiet --disable-pip-version-check --no-index "$packages"/fleetcal-*.whl
+  (cd "$environment" && bin/fleetcal simulate --record robot.mcap --duration 60 >/dev/null 2>&1 &&
+    bin/fleetcal doctor robot.mcap --wheelbase 1.2 >/dev/null) || fail "the wheel's binary checks no recording"
+  echo "the wheel's binary checks a recording"
+}
+
 image_serves() {
   local podman container status
   podman=(podman --storage-driver vfs --root "$work/images" --runroot "$work/run" --cgroup-manager cgroupfs)
@@ -208,4 +218,5 @@ package_is_whole
 upgrade_keeps_data
 removal_keeps_data_and_purge_does_not
 archive_calibrates_a_recording
+wheel_checks_a_recording
 image_serves

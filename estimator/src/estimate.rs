@@ -3,7 +3,7 @@
 pub use fleetcal_model::{
     CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, DetectionState,
     Innovation, ModelFit, Parameter, ParameterStatus as Status, SigmaEffect, SigmaSource,
-    SigmaTerm,
+    SigmaTerm, SteeringPoint, SteeringTable, SteeringTableStatus,
 };
 use serde::{Deserialize, Serialize};
 
@@ -42,6 +42,8 @@ pub struct Estimate {
     /// Covariance of the errors of the four that every calibration has; its diagonal holds the
     /// squares of their sigmas.
     pub covariance: CalibrationCovariance,
+    /// Curve of the steering at the angles that were driven.
+    pub steering_table: SteeringTable,
     /// State of detection for each cause: the changes that would be seen now, and the needs of the
     /// others.
     pub detection: Detection,

@@ -3,6 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::steered_way::SteeredWay;
+
 /// Curvature below which driving counts as straight, 1/m (a radius of 20 m).
 const STRAIGHT_MAX_PER_M: f64 = 0.05;
 
@@ -18,7 +20,7 @@ const STRAIGHT_SHARE_MIN: f64 = 0.1;
 const CIRCLING_FROM_M: f64 = 10.0;
 
 /// Distance driven in each kind of motion, m.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Excitation {
     /// Curving left.
     pub left_m: f64,
@@ -28,6 +30,9 @@ pub struct Excitation {
     pub right_m: f64,
     /// Backwards, in any direction.
     pub reverse_m: f64,
+    /// Measured steering angles that were driven.
+    #[serde(default)]
+    pub steered: SteeredWay,
 }
 
 impl Excitation {

@@ -22,6 +22,7 @@ mod initial_guess;
 mod merge;
 pub mod motion_noise;
 pub mod settings;
+pub mod steered_way;
 pub mod stream;
 mod trust;
 pub mod vehicle;

@@ -1,12 +1,9 @@
 //! The figures of the LiDAR odometry on simulated drives, against their truth.
 //!
 //! `cargo run --release -p fleetcal-odometry --example lidar_odometry_figures` prints the table.
-//! With `--scans FILE` it writes the figure-eight's scans and truth for other engines as well.
 #![expect(clippy::print_stdout, reason = "the table is what it is for")]
 
 use std::error::Error;
-use std::io::Write;
-use std::path::Path;
 use std::time::Instant;
 
 use fleetcal_odometry::ScanShape;
@@ -28,14 +25,7 @@ const SEEDS: u64 = 10;
 type Taken = (Scan, Pose2);
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let arguments: Vec<String> = std::env::args().collect();
     let figure_eight = SimulationConfig::figure_eight;
-    if let [_, flag, path] = arguments.as_slice() {
-        if flag != "--scans" {
-            return Err(format!("unknown argument {flag}, expected --scans FILE").into());
-        }
-        write_scans(Path::new(path), &record(figure_eight(7), SCANS)?)?;
-    }
     let lidar = |settings| SimulationConfig {
         lidar: LidarOutput::Scans(settings),
         ..figure_eight(7)
@@ -170,30 +160,5 @@ fn consistency(name: &str, config: &dyn Fn(u64) -> SimulationConfig) -> Result<(
         print!(" {:8.2}", sum / count);
     }
     println!();
-    Ok(())
-}
-
-/// Writes scans and truth, little-endian: for each scan its reference stamp (i64 ns), first angle,
-/// angle and time increment, true x, y and yaw (f64), number of beams (u32) and ranges (f32).
-fn write_scans(path: &Path, taken: &[Taken]) -> Result<(), Box<dyn Error>> {
-    let mut file = std::io::BufWriter::new(std::fs::File::create(path)?);
-    for (scan, truth) in taken {
-        let shape = scan.shape();
-        file.write_all(&scan.reference_stamp().0.to_le_bytes())?;
-        for number in [
-            shape.angle_min_rad,
-            shape.angle_increment_rad,
-            shape.time_increment_s,
-            truth.x_m,
-            truth.y_m,
-            truth.yaw_rad,
-        ] {
-            file.write_all(&number.to_le_bytes())?;
-        }
-        file.write_all(&u32::try_from(scan.ranges_m().len())?.to_le_bytes())?;
-        for range in scan.ranges_m() {
-            file.write_all(&range.to_le_bytes())?;
-        }
-    }
     Ok(())
 }

@@ -6,7 +6,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use fleetcal_model::{CalibrationCovariance, Generation, Pose2, RevisionId, RobotId, RobotTime};
+use fleetcal_model::{
+    CalibrationCovariance, Generation, Pose2, RevisionId, RobotId, RobotTime, SteeringTable,
+};
 
 /// A signed document: a calibration, or another text that the service signs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -113,6 +115,10 @@ pub struct CalibrationDocument {
     /// estimated. It was added later: older readers ignore it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CalibrationCovariance>,
+    /// Curve of the steering that belongs to the values, for information: `values` compensate without it. It was
+    /// added later: older readers ignore it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering_table: Option<SteeringTable>,
     /// The frame of the LiDAR's pose.
     pub frame: CalibrationFrame,
     /// Time after applying at which a robot without a confirmation reverts by itself, s.

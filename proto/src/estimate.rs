@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use fleetcal_model::{
     CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, Motions, Parameter,
-    ParameterStatus, Pose2, RobotId, RobotTime, SigmaTerm, Unit, VehicleModel,
+    ParameterStatus, Pose2, RobotId, RobotTime, SigmaTerm, SteeringTable, Unit, VehicleModel,
 };
 use serde::{Deserialize, Serialize};
 
@@ -122,6 +122,10 @@ pub struct EstimateDocument {
     /// older services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CalibrationCovariance>,
+    /// Curve of the steering at the angles that were driven, for information; absent in documents of older
+    /// services.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering_table: Option<SteeringTable>,
     /// State of the detection of changes, by cause; absent in documents of older services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detection: Option<Detection>,
@@ -237,6 +241,9 @@ pub struct CalibrationReport {
     /// Terms of each sigma in `parameters`: why it is as wide as it is. None of a parameter that is off.
     #[serde(default)]
     pub sigma_terms: BTreeMap<Parameter, Vec<SigmaTerm>>,
+    /// Curve of the steering at the angles that were driven, for information.
+    #[serde(default)]
+    pub steering_table: SteeringTable,
     /// State of the detection of changes at the end, by cause.
     pub detection: Detection,
     /// Consistency of the filter.
@@ -290,9 +297,8 @@ mod tests {
             .collect()
     }
 
-    #[test]
-    fn a_report_has_the_documented_names() {
-        let report = CalibrationReport {
+    fn report() -> CalibrationReport {
+        CalibrationReport {
             schema_version: CalibrationReport::SCHEMA_VERSION,
             robot: RobotId::parse("tugger_01").unwrap(),
             vehicle: VehicleDocument {
@@ -308,6 +314,7 @@ mod tests {
             parameters: parameters(),
             covariance: CalibrationCovariance::default(),
             sigma_terms: BTreeMap::new(),
+            steering_table: SteeringTable::default(),
             detection: Detection::of_all(DetectionState::Watching),
             consistency: Consistency::default(),
             events: vec![ChangeDocument {
@@ -324,7 +331,12 @@ mod tests {
                 parameters: parameters(),
             }],
             timing: Timing::default(),
-        };
+        }
+    }
+
+    #[test]
+    fn a_report_has_the_documented_names() {
+        let report = report();
         let json = serde_json::to_value(&report).unwrap();
         let mut names = keys(&json);
         names.sort_unstable();
@@ -346,6 +358,7 @@ mod tests {
                 "schema_version",
                 "segments",
                 "sigma_terms",
+                "steering_table",
                 "timing",
                 "vehicle"
             ]

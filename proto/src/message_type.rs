@@ -48,10 +48,16 @@ pub enum MessageType {
     #[serde(rename = "geometry_msgs/msg/TwistWithCovarianceStamped")]
     TwistWithCovarianceStamped,
     /// Steering under Autoware.
-    #[serde(rename = "autoware_vehicle_msgs/msg/SteeringReport")]
+    #[serde(
+        rename = "autoware_vehicle_msgs/msg/SteeringReport",
+        alias = "autoware_auto_vehicle_msgs/msg/SteeringReport"
+    )]
     SteeringReport,
     /// Velocities under Autoware.
-    #[serde(rename = "autoware_vehicle_msgs/msg/VelocityReport")]
+    #[serde(
+        rename = "autoware_vehicle_msgs/msg/VelocityReport",
+        alias = "autoware_auto_vehicle_msgs/msg/VelocityReport"
+    )]
     VelocityReport,
     /// A motor's state.
     #[serde(rename = "vesc_msgs/msg/VescStateStamped")]
@@ -236,6 +242,22 @@ impl MessageType {
         format!("{package}::msg::dds_::{name}_")
     }
 
+    /// Returns its names in the keys of `rmw_zenoh`, that of its former package included.
+    pub fn dds_types(self) -> impl Iterator<Item = String> {
+        let (package, name) = self.package_and_name();
+        let packages = [Some(package), self.former_package()];
+        let packages = packages.into_iter().flatten();
+        packages.map(move |package| format!("{package}::msg::dds_::{name}_"))
+    }
+
+    /// Package in which the type was before, with the same fields.
+    const fn former_package(self) -> Option<&'static str> {
+        match self {
+            Self::SteeringReport | Self::VelocityReport => Some("autoware_auto_vehicle_msgs"),
+            _ => None,
+        }
+    }
+
     /// Parses the name of a ROS 2 type in any of the spellings in use, or without its package;
     /// `None` for any other, such as one of the same name in another package.
     pub fn of_ros_type(name: &str) -> Option<Self> {
@@ -245,7 +267,8 @@ impl MessageType {
         let package = parts.rfind(|part| !part.is_empty());
         let is_it = |of: &Self| {
             let (own_package, own_name) = of.package_and_name();
-            own_name == last && package.is_none_or(|package| package == own_package)
+            let is_own = |package| package == own_package || Some(package) == of.former_package();
+            own_name == last && package.is_none_or(is_own)
         };
         Self::ALL.into_iter().find(is_it)
     }
@@ -383,6 +406,34 @@ mod tests {
         ] {
             assert_eq!(MessageType::of_ros_type(name), None, "{name}");
         }
+    }
+
+    #[test]
+    fn the_former_package_of_a_type_is_read_too() {
+        for (message_type, name) in [
+            (MessageType::SteeringReport, "SteeringReport"),
+            (MessageType::VelocityReport, "VelocityReport"),
+        ] {
+            let ros_type = format!("autoware_auto_vehicle_msgs/msg/{name}");
+            let dds_type = format!("autoware_auto_vehicle_msgs::msg::dds_::{name}_");
+            for spelling in [&ros_type, &dds_type, &ros_type.replace('/', "\u{a7}")] {
+                assert_eq!(MessageType::of_ros_type(spelling), Some(message_type));
+            }
+            let json = format!("{ros_type:?}");
+            assert_eq!(
+                serde_json::from_str::<MessageType>(&json).unwrap(),
+                message_type
+            );
+            let names: Vec<String> = message_type.dds_types().collect();
+            assert_eq!(names, [message_type.dds_type(), dds_type]);
+        }
+        let names = MessageType::LaserScan.dds_types();
+        assert_eq!(
+            names.collect::<Vec<_>>(),
+            [MessageType::LaserScan.dds_type()]
+        );
+        let other = "autoware_auto_vehicle_msgs/msg/LaserScan";
+        assert_eq!(MessageType::of_ros_type(other), None);
     }
 
     #[test]

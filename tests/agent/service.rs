@@ -48,6 +48,7 @@ pub fn approved(generation: u64) -> Envelope {
         values,
         sigmas: CalibrationValues::default(),
         covariance: None,
+        steering_table: None,
         frame: CalibrationFrame::RearAxle,
         confirm_within_s: 600,
         rear_axle_in_base_link: None,

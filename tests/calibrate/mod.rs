@@ -8,6 +8,7 @@ mod imperfect;
 mod known_map;
 mod messages;
 mod recorded;
+mod wheel;
 mod written;
 
 use std::fs;

@@ -1,16 +1,23 @@
 //! Robots that describe themselves, over Zenoh and from the simulator.
 
+use std::path::Path;
 use std::process::Command;
+use std::time::Duration;
 
 use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{Quaternion, RosMessage, StringMessage, TfMessage, TransformStamped};
+use fleetcal_robot::recording::Recording;
 use fleetcal_tests::binary;
 use fleetcal_tests::service::{Service, wait_for};
 use serde_json::{Value, json};
+use tempfile::TempDir;
+use tokio::time::Instant;
 use zenoh::Session;
 use zenoh::qos::CongestionControl;
 
 use super::hostile::client;
+use super::ros2::robot::{HASH, Layout, RosRobot, Topics, attachment};
 
 const BICYCLE: &str = include_str!("../../proto/description/tests/urdf/bicycle_steering.urdf");
 const TRICYCLE: &str = include_str!("../../proto/description/tests/urdf/tricycle.urdf");
@@ -47,6 +54,23 @@ fn described(service: &Service, robot: &str, is_it: impl Fn(&Value) -> bool) -> 
     })
 }
 
+/// Returns the preview of an unregistered robot, once both of its streams have come and no check names
+/// a cause.
+fn previewed(service: &Service, token: &str, robot: &str, config: &Value) -> Value {
+    let request = format!("POST /api/v1/robots/{robot}/preview");
+    let json = "Content-Type: application/json\r\n";
+    let asked = config.to_string();
+    wait_for(&format!("the preview of {robot}"), || {
+        let shown = service.send(&request, token, json, &asked);
+        let checks = &shown["checks"];
+        let came = |of: &Value| of["messages"].as_u64() > Some(10) && of["refused"] == 0;
+        let streams = checks["streams"].as_array()?.iter().filter(|of| came(of));
+        let named = checks["findings"].as_array()?.iter();
+        let is_right = streams.count() == 2 && named.into_iter().all(|of| of["cause"].is_null());
+        is_right.then_some(shown)
+    })
+}
+
 fn has_origin(read: &Value) -> bool {
     read["description"]["origins"] != json!([])
 }
@@ -59,6 +83,7 @@ fn value<'v>(read: &'v Value, key: &str) -> &'v Value {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_simulated_robot_is_registered_by_one_request_and_calibrates() {
+    let began = Instant::now();
     let service = Service::start(&[]);
     let mut simulate = Command::new(binary::path());
     simulate.args(["simulate", "--connect", &service.endpoint()]);
@@ -69,8 +94,12 @@ async fn a_simulated_robot_is_registered_by_one_request_and_calibrates() {
     assert_eq!(read["proposed"]["nominal_extrinsics"]["x_m"], 0.434);
     assert_eq!(read["description"]["missing"], json!([]));
     assert_eq!(service.robot("tugger_01")["state"], "unregistered");
-    let request = "POST /api/v1/robots/tugger_01/description";
     let operator = service.made_token(&["--role", "operator", "--name", "line"]);
+    let shown = previewed(&service, &operator, "tugger_01", &read["proposed"]);
+    assert!(shown["top_view"]["returns_m"].as_array().unwrap().len() > 100);
+    assert_eq!(shown["dropped"], 0);
+    assert_eq!(service.robot("tugger_01")["state"], "unregistered");
+    let request = "POST /api/v1/robots/tugger_01/description";
     let made = service.send(request, &operator, "If-None-Match: *\r\n", "");
     assert_eq!(made["config"], read["proposed"]);
     let counts = wait_for("an estimate", || {
@@ -79,6 +108,8 @@ async fn a_simulated_robot_is_registered_by_one_request_and_calibrates() {
         Some(counts).filter(|counts| counts["scans"].as_u64() > Some(10))
     });
     assert_eq!(counts["late"], 0);
+    // From nothing but the binary.
+    assert!(began.elapsed() < Duration::from_mins(2), "{began:?}");
     let read = described(&service, "tugger_01", has_origin);
     assert_eq!(read["description"]["remarks"], json!([]));
     simulate.kill().unwrap();
@@ -180,4 +211,63 @@ async fn garbage_is_refused_by_name_and_disturbs_nobody() {
     assert!(!missing.is_empty(), "{read}");
     assert_eq!(service.robot("tugger_01")["config"]["wheelbase_m"], 1.2);
     session.close().await.unwrap();
+}
+
+/// Robot on ROS 2 whose topics have names of their own.
+const STRANGER: Topics = Topics {
+    prefix: "0/stranger_01",
+    wheel_odometry: "base/ackermann",
+    scan: "front/scan",
+    layout: Layout::Rmw(HASH),
+    apart: false,
+    old_attachments: false,
+};
+
+/// Publishes a recording as that robot, as fast as it was recorded.
+async fn drive(session: &Session, path: &Path) {
+    let recording = Recording::open(path).unwrap();
+    let names = ["/tugger_01/wheel_odometry", "/tugger_01/scan"];
+    let began = Instant::now();
+    let mut first_ns = None;
+    for (sequence, message) in (0..).zip(recording.messages(&names).unwrap()) {
+        let message = message.unwrap();
+        let since_ns = message.log_time_ns - *first_ns.get_or_insert(message.log_time_ns);
+        let due = began + Duration::from_nanos(since_ns);
+        tokio::time::sleep_until(due).await;
+        let (topic, of) = if *message.topic == *names[1] {
+            (STRANGER.scan, MessageType::LaserScan)
+        } else {
+            (STRANGER.wheel_odometry, MessageType::AckermannDriveStamped)
+        };
+        let put = session.put(STRANGER.key(topic, of), message.payload);
+        put.attachment(attachment(sequence, false)).await.unwrap();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_own_topics_of_an_unregistered_ros_2_robot_are_previewed() {
+    let folder = TempDir::new().unwrap();
+    let path = super::recorded(&folder, 20.0);
+    let service = Service::start(&[]);
+    let operator = service.made_token(&["--role", "operator", "--name", "line"]);
+    let robot = RosRobot::start(&service, "stranger_01", STRANGER).await;
+    wait_for("the announced topics", || {
+        let robot = service.try_get("/api/v1/robots/stranger_01")?;
+        Some(robot["topics"].as_array()?.len()).filter(|count| *count == 2)
+    });
+    let config = json!({
+        "model": "bicycle",
+        "wheelbase_m": 1.2,
+        "streams": {
+            "wheel_odometry": { "topic": "base/ackermann" },
+            "scan": { "topic": "front/scan" },
+        },
+    });
+    let session = robot.session.clone();
+    let sending = tokio::spawn(async move { drive(&session, &path).await });
+    let shown = previewed(&service, &operator, "stranger_01", &config);
+    assert_eq!(shown["checks"]["streams"][1]["topic"], "front/scan");
+    sending.abort();
+    robot.stop().await;
+    assert_eq!(service.robot("stranger_01")["state"], "unregistered");
 }

@@ -10,6 +10,10 @@ test('a robot that describes itself is set up by one click', async ({ page, serv
   await expect(page.getByLabel('Wheelbase')).toHaveValue('1.2', { timeout: 15_000 });
   await page.getByText("Filled in from the robot's own description").click();
   await expect(page.getByText(/^Wheelbase: 1\.200 m, by URDF: /)).toBeVisible();
+  // Its scan and the checks of what it sends, before anything is stored.
+  await expect(page.getByRole('img', { name: /^Latest scan: \d{2,} returns$/ })).toBeVisible();
+  await expect(page.getByText('Nothing is wrong so far.')).toBeVisible();
+  await expect(page.getByRole('row').filter({ hasText: 'wheel odometry' })).toHaveCount(1);
   await accessible(page);
   await page.getByRole('button', { name: 'Start calibration' }).click();
   await openPart(page, 'Evidence');

@@ -188,6 +188,9 @@ causes! {
     BasePose, "base_pose", Pose, DRIVEN, true,
         "Poses are those of the rear axle.",
         "Send the pose of the LiDAR's own frame, before any transform to base_link.";
+    PoseFrame, "pose_frame", Pose, SOON, false,
+        "Poses are said to be of the vehicle's frame.",
+        "Send the pose of the LiDAR's own frame, and name that frame in child_frame_id.";
     SpeedZero, "speed_zero", Speed, LONG, true,
         "The speed stays 0 while the LiDAR moves.",
         "Fill in the speed (twist.linear.x), or choose another topic.";
@@ -294,10 +297,14 @@ impl Cause {
         self.row().certain && !self.ends()
     }
 
-    /// Returns `true` if the cause ends with what shows it: a stream that comes again is missing no more. All
-    /// other causes stay until the checks begin again.
+    /// Returns `true` if the cause ends with what shows it: a stream that comes again is missing no more, and
+    /// poses that move unlike the vehicle's frame are not of it. All other causes stay until the checks begin
+    /// again.
     pub(crate) const fn ends(self) -> bool {
-        matches!(self, Self::WheelOdometryMissing | Self::LidarMissing)
+        matches!(
+            self,
+            Self::WheelOdometryMissing | Self::LidarMissing | Self::PoseFrame
+        )
     }
 
     /// Returns `true` if the motion cannot be judged while it lasts.
@@ -305,7 +312,7 @@ impl Cause {
         match self.check() {
             Check::Stamps => !matches!(self, Self::SteppedClock | Self::ClockBack),
             Check::Scan => !matches!(self, Self::BeamTimes),
-            Check::Pose => !matches!(self, Self::BasePose),
+            Check::Pose => !matches!(self, Self::BasePose | Self::PoseFrame),
             _ => false,
         }
     }

@@ -30,7 +30,7 @@ use crate::claim::{self, Claim, reported_covariance};
 use crate::drive_history::DriveHistory;
 use crate::estimate::{
     Cause, Change, ChangeKind, Detection, DetectionState, Estimate, Parameter, ParameterEstimates,
-    Segment, SigmaSource, SigmaTerm,
+    Segment, SigmaSource, SigmaTerm, SteeringTable,
 };
 use crate::excitation::Excitation;
 use crate::filter::follow::Follower;
@@ -448,6 +448,7 @@ impl Calibrator {
             time_s: self.session.duration_s(),
             distance_m: self.session.distance_m,
             covariance: reported_covariance(&parameters, claim.covariance()),
+            steering_table: self.steering_table(&claim, &parameters),
             parameters,
             reassembly_open: self.reassembly_open,
             detection: self.detection(),
@@ -457,6 +458,13 @@ impl Calibrator {
             drive_now: [now.speed_mps, now.steering_rad],
         };
         (trust, estimate)
+    }
+
+    fn steering_table(&self, claim: &Claim, parameters: &ParameterEstimates) -> SteeringTable {
+        let offset = &parameters[Parameter::SteeringOffset.index()];
+        let driven = self.session.excitation.steered.range();
+        let limits = &self.config.settings.converged_sigma;
+        claim.steering_table(offset, driven, *limits.get(Parameter::SteeringOffset))
     }
 
     fn judge(&self, trust: &mut Trust, claim: &Claim) -> ParameterEstimates {
@@ -515,6 +523,7 @@ impl Calibrator {
             drive: &self.drive,
             excitation: &self.session.excitation,
             saw_start: !self.session.began_in_motion,
+            suspicion: self.watch.suspicion(),
         };
         Claim::of_filter(filter, &grounds)
     }

@@ -145,6 +145,8 @@ impl Session {
 
     pub fn count_update(&mut self, stamp_ns: RobotTime, moved: &Moved) {
         self.excitation.add(moved.distance_m, moved.turn_rad);
+        let steered = &mut self.excitation.steered;
+        steered.add(moved.distance_m, moved.steering_rad);
         self.innovation = Some(Innovation {
             stamp_ns,
             residual: moved.innovation.residual.into(),

@@ -44,6 +44,8 @@ pub struct Moved {
     pub distance_m: f64,
     /// Turn since the update before, rad.
     pub turn_rad: f64,
+    /// Measured steering angle that the wheel followed at the update, rad.
+    pub steering_rad: f64,
 }
 
 /// A filter and its progress.
@@ -139,6 +141,7 @@ impl Follower {
                 innovation,
                 distance_m,
                 turn_rad,
+                steering_rad: drive.at(to, response).steering_rad,
             }),
             None => self.anchor_at(reading, to, drive),
         }

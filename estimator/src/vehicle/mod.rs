@@ -284,6 +284,23 @@ impl Steering {
     }
 }
 
+/// The true steering angle of a wheel that has followed a measured one and taken up no play, rad, with its
+/// derivatives in the order of [`Motion`]'s.
+pub fn true_steering(
+    measured_rad: f64,
+    parameters: &DriveParameters,
+) -> (f64, [f64; DRIVE_PARAMETERS]) {
+    let drive = DriveReading {
+        steering_rad: measured_rad,
+        ..DriveReading::default()
+    };
+    let steering = Steering::of(drive, parameters);
+    (
+        steering.true_rad,
+        by_parameters(1.0, 0.0, 0.0, 0.0, steering),
+    )
+}
+
 /// Chain rule: from derivatives by (steering, speed scale, wheelbase) to those by the parameters, the last of
 /// which is `by_lead`.
 fn by_parameters(

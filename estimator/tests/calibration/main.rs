@@ -30,6 +30,7 @@ mod restarts_in_motion;
 mod reversed;
 mod sigmas_after_restarts;
 mod starts_in_motion;
+mod steering_table;
 #[expect(dead_code, reason = "an example measures each cause alone")]
 mod synthetic_windows;
 mod top_view;

@@ -19,8 +19,6 @@ const NEIGHBOUR_GAP_MAX: usize = 4;
 
 /// Points in a block.
 pub const LANES: usize = 32;
-/// Most blocks of a scan.
-pub const BLOCKS_MAX: usize = POINTS_MAX.div_ceil(LANES);
 
 /// A usable return.
 #[derive(Debug, Clone, Copy)]
@@ -52,7 +50,8 @@ pub struct Block {
     pub phase: [f32; LANES],
     /// One over the ranges, 1/m.
     pub inverse_range: [f32; LANES],
-    joined: [bool; LANES],
+    /// True where the surface continues to the next point in the open: both see it well.
+    pub joined: [bool; LANES],
     count: usize,
 }
 

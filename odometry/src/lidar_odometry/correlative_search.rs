@@ -1,11 +1,18 @@
 //! The coarse stage: a discrete search over x, y and yaw, scored on the occupied map.
 //!
-//! A random subsample of the scan is laid over the map at every pose of a grid bounded by how far
+//! An even subsample of the scan is laid over the map at every pose of a grid bounded by how far
 //! the LiDAR can have come; the score is the number of points on occupied cells. It runs where the
 //! predicted pose does not fit: at a bad prediction, after missing scans, after a loss.
+//!
+//! The points of one yaw are scored at a whole row of shifts at once: of the map's picture, one bit a cell,
+//! each point takes the bits beside it, and [`picture::Counts`] adds them up in columns.
+
+mod picture;
+
+use picture::Picture;
 
 use super::beam_filter::ScanPoints;
-use super::point_to_line::LocalMotion;
+use super::local_motion::LocalMotion;
 use super::submap::{CELL_M, Cell, LocalOrigin, Submap};
 use crate::geometry::Pose2;
 
@@ -18,15 +25,17 @@ const CANDIDATES: usize = 24;
 const WIDE_M: f64 = 4.0;
 /// Candidates that are held before the best are picked out.
 const CANDIDATES_HELD_MAX: usize = 1 << 16;
+/// Sigmas of a prediction within which the pose is looked for: its accelerations are generous already.
+const SIGMAS: f64 = 2.0;
 /// Candidates that are returned.
 const BEST: usize = 4;
 /// Step of the coarse grid, in cells of the map, and the reach of its widened map.
 const COARSE_CELLS: i32 = 4;
+const STEP: usize = COARSE_CELLS as usize;
+/// Columns of shifts that are scored at once.
+const COLUMNS: usize = 16 * STEP;
 /// Step of the coarse grid in yaw, rad: 2.5°, half a step moves a point at 10 m by two cells.
 const COARSE_YAW_RAD: f64 = 0.044;
-/// Edge of the picture of the map, in cells (±25.6 m).
-const EDGE: i32 = 512;
-const WORDS: usize = (EDGE / 64) as usize;
 
 /// Reach of the search on each side of the guess.
 #[derive(Debug, Clone, Copy)]
@@ -37,94 +46,15 @@ pub struct Window {
     pub yaw_rad: f64,
 }
 
-/// The occupied cells around the LiDAR, one bit a cell.
-struct Picture {
-    low: Cell,
-    rows: Vec<[u64; WORDS]>,
-}
-
-impl Picture {
-    fn of(submap: &Submap, centre: Cell) -> Self {
-        let low = Cell {
-            x: centre.x - EDGE / 2,
-            y: centre.y - EDGE / 2,
-        };
-        let mut picture = Self {
-            low,
-            rows: vec![[0; WORDS]; EDGE as usize],
-        };
-        submap.for_each_occupied(centre, EDGE / 2, |cell| {
-            let (x, y) = (cell.x - low.x, cell.y - low.y);
-            if let Some(row) = usize::try_from(y)
-                .ok()
-                .and_then(|y| picture.rows.get_mut(y))
-                && let Some(word) = usize::try_from(x >> 6).ok().and_then(|x| row.get_mut(x))
-            {
-                *word |= 1 << (x & 63);
-            }
-        });
-        picture
-    }
-
-    /// The picture with every occupied cell widened by `reach` cells on each side.
-    fn widened(&self, reach: usize) -> Self {
-        let mut wide: Vec<[u64; WORDS]> =
-            self.rows.iter().map(|row| widen_row(row, reach)).collect();
-        let narrow = wide.clone();
-        for (index, row) in wide.iter_mut().enumerate() {
-            let from = index.saturating_sub(reach);
-            let to = (index + reach + 1).min(narrow.len());
-            for other in narrow.get(from..to).unwrap_or_default() {
-                for (word, more) in row.iter_mut().zip(other) {
-                    *word |= more;
-                }
-            }
-        }
+impl Window {
+    /// The part of it that a prediction of these sigmas (position in m, yaw in rad) allows for.
+    #[must_use]
+    pub fn within(self, (position_m, yaw_rad): (f64, f64)) -> Self {
         Self {
-            low: self.low,
-            rows: wide,
+            reach_m: self.reach_m.min(SIGMAS * position_m),
+            yaw_rad: self.yaw_rad.min(SIGMAS * yaw_rad),
         }
     }
-
-    #[inline]
-    fn holds(&self, cell: Cell) -> bool {
-        let (x, y) = (cell.x - self.low.x, cell.y - self.low.y);
-        usize::try_from(y)
-            .ok()
-            .and_then(|y| self.rows.get(y))
-            .and_then(|row| row.get(usize::try_from(x >> 6).ok()?))
-            .is_some_and(|word| word >> (x & 63) & 1 == 1)
-    }
-
-    fn score(&self, cells: &[Cell], shift: Cell) -> u32 {
-        cells
-            .iter()
-            .map(|cell| {
-                u32::from(self.holds(Cell {
-                    x: cell.x + shift.x,
-                    y: cell.y + shift.y,
-                }))
-            })
-            .sum()
-    }
-}
-
-fn widen_row(row: &[u64; WORDS], reach: usize) -> [u64; WORDS] {
-    let mut wide = *row;
-    for _ in 0..reach {
-        let before = wide;
-        let mut from_left = 0;
-        for (word, &old) in wide.iter_mut().zip(&before) {
-            *word |= old << 1 | from_left;
-            from_left = old >> 63;
-        }
-        let mut from_right = 0;
-        for (word, &old) in wide.iter_mut().zip(&before).rev() {
-            *word |= old >> 1 | from_right;
-            from_right = old << 63;
-        }
-    }
-    wide
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -135,12 +65,13 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// The better first; of equals the one nearer to the guess.
-    fn rank(&self) -> (std::cmp::Reverse<u32>, i32) {
+    /// The better first; of equals the one nearer to the guess, and of those always the same one.
+    fn rank(&self) -> impl Ord + use<> {
         let Cell { x, y } = self.shift;
         (
             std::cmp::Reverse(self.score),
             x.abs() + y.abs() + 2 * self.yaw_step.abs(),
+            (self.yaw_step, y, x),
         )
     }
 }
@@ -148,7 +79,8 @@ impl Candidate {
 /// A subsample of a scan, laid over the map at one yaw after the other.
 struct Overlay {
     origin: LocalOrigin,
-    position: (f32, f32),
+    /// The cell of the guess.
+    centre: Cell,
     points: Vec<(f32, f32)>,
     cells: Vec<Cell>,
 }
@@ -165,21 +97,20 @@ impl Overlay {
         });
         Self {
             origin,
-            position: ((guess.x_m - ox) as f32, (guess.y_m - oy) as f32),
+            centre: origin
+                .locate((guess.x_m - ox) as f32, (guess.y_m - oy) as f32)
+                .0,
             points: points.collect(),
             cells: Vec::with_capacity(POINTS_SCORED + 1),
         }
     }
 
-    fn centre(&self) -> Cell {
-        self.origin.locate(self.position.0, self.position.1).0
-    }
-
-    /// The cells of the points at a yaw.
-    fn cells_at(&mut self, yaw_rad: f64) -> &[Cell] {
-        let (s, c) = yaw_rad.sin_cos();
+    /// The cells of the points at a pose.
+    fn cells_at(&mut self, pose: Pose2) -> &[Cell] {
+        let (s, c) = pose.yaw_rad.sin_cos();
         let (s, c) = (s as f32, c as f32);
-        let (px, py) = self.position;
+        let (ox, oy) = self.origin.position_m();
+        let (px, py) = ((pose.x_m - ox) as f32, (pose.y_m - oy) as f32);
         self.cells.clear();
         for &(x, y) in &self.points {
             self.cells
@@ -189,41 +120,55 @@ impl Overlay {
     }
 }
 
-/// The best poses within `window` of `guess` (whose points are deskewed by `deskew`), best first.
+/// The best poses within `window` of `guess` (whose points are deskewed by `deskew`), best first; of those
+/// alone that more points agree with than with the `rival`, if there is one.
 pub fn search(
     points: &ScanPoints,
     submap: &Submap,
     guess: Pose2,
     deskew: &LocalMotion,
     window: Window,
+    rival: Option<Pose2>,
 ) -> Vec<Pose2> {
     let mut overlay = Overlay::new(points, deskew, guess);
-    let fine = Picture::of(submap, overlay.centre());
+    let fine = Picture::of(submap, overlay.centre);
     let coarse = fine.widened((COARSE_CELLS / 2) as usize);
 
     // 1. Every pose of the coarse grid, on the widened map.
+    let rival = rival.map_or(0, |rival| {
+        let cells = overlay.cells_at(rival);
+        coarse.counts(cells, Cell { x: 0, y: 0 }).of(0)
+    });
     let mut candidates = Vec::new();
     let yaw_steps = (window.yaw_rad / COARSE_YAW_RAD).ceil() as i32;
-    let reach = (window.reach_m / CELL_M / f64::from(COARSE_CELLS)).ceil() as i32;
+    let reach = (window.reach_m / CELL_M / f64::from(COARSE_CELLS)).ceil() as i32 * COARSE_CELLS;
     let is_wide = window.reach_m > WIDE_M;
     for yaw_step in -yaw_steps..=yaw_steps {
-        let cells = overlay.cells_at(guess.yaw_rad + f64::from(yaw_step) * COARSE_YAW_RAD);
-        for y in -reach..=reach {
-            for x in -reach..=reach {
-                let shift = Cell {
-                    x: x * COARSE_CELLS,
-                    y: y * COARSE_CELLS,
-                };
-                let first = cells.get(..cells.len() / 4).unwrap_or_default();
-                if is_wide && coarse.score(first, shift) * 2 < first.len() as u32 {
-                    continue;
-                }
-                candidates.push(Candidate {
-                    score: coarse.score(cells, shift),
-                    yaw_step,
-                    shift,
-                });
+        let yaw_rad = guess.yaw_rad + f64::from(yaw_step) * COARSE_YAW_RAD;
+        let cells = overlay.cells_at(Pose2 { yaw_rad, ..guess });
+        let (first, rest) = cells.split_at(cells.len() / 4);
+        let columns = (-reach..=reach).step_by(COLUMNS);
+        for (x, y) in columns.flat_map(|x| (-reach..=reach).step_by(STEP).map(move |y| (x, y))) {
+            let shift = Cell { x, y };
+            let of_first = coarse.counts(first, shift);
+            let passes = |column: &usize| {
+                x + *column as i32 <= reach
+                    && (!is_wide || 2 * of_first.of(*column) >= first.len() as u32)
+            };
+            let columns = (0..COLUMNS).step_by(STEP).filter(passes);
+            if columns.clone().next().is_none() {
+                continue;
             }
+            let of_rest = coarse.counts(rest, shift);
+            let scored = columns.map(|column| Candidate {
+                score: of_first.of(column) + of_rest.of(column),
+                yaw_step,
+                shift: Cell {
+                    x: x + column as i32,
+                    y,
+                },
+            });
+            candidates.extend(scored.filter(|candidate| candidate.score > rival));
         }
         if candidates.len() > CANDIDATES_HELD_MAX {
             keep_best(&mut candidates);
@@ -234,7 +179,7 @@ pub fn search(
     // 2. The best of them closely, on the map as it is.
     let mut close: Vec<_> = candidates
         .iter()
-        .filter_map(|candidate| refine(&fine, candidate, guess.yaw_rad, &mut overlay))
+        .filter_map(|candidate| refine(&fine, candidate, guess, &mut overlay))
         .collect();
     close.sort_by_key(|(score, _, _)| std::cmp::Reverse(*score));
     close.dedup_by_key(|(_, yaw, shift)| ((*yaw * 1e6) as i64, shift.x, shift.y));
@@ -249,30 +194,38 @@ pub fn search(
 }
 
 fn keep_best(candidates: &mut Vec<Candidate>) {
+    if candidates.len() > CANDIDATES {
+        candidates.select_nth_unstable_by_key(CANDIDATES, Candidate::rank);
+        candidates.truncate(CANDIDATES);
+    }
     candidates.sort_unstable_by_key(Candidate::rank);
-    candidates.truncate(CANDIDATES);
 }
 
 /// The best pose around a candidate of the coarse grid: score, yaw and shift.
 fn refine(
     fine: &Picture,
     candidate: &Candidate,
-    guess_yaw_rad: f64,
+    guess: Pose2,
     overlay: &mut Overlay,
 ) -> Option<(u32, f64, Cell)> {
     let half = COARSE_CELLS / 2;
     let mut best: Option<(u32, f64, Cell)> = None;
     for quarter in -2..=2 {
-        let yaw_rad = guess_yaw_rad
+        let yaw_rad = guess.yaw_rad
             + (f64::from(candidate.yaw_step) + 0.25 * f64::from(quarter)) * COARSE_YAW_RAD;
-        let cells = overlay.cells_at(yaw_rad);
+        let cells = overlay.cells_at(Pose2 { yaw_rad, ..guess });
         for y in -half..=half {
-            for x in -half..=half {
+            let first = Cell {
+                x: candidate.shift.x - half,
+                y: candidate.shift.y + y,
+            };
+            let counts = fine.counts(cells, first);
+            for column in 0..=STEP {
+                let score = counts.of(column);
                 let shift = Cell {
-                    x: candidate.shift.x + x,
-                    y: candidate.shift.y + y,
+                    x: first.x + column as i32,
+                    ..first
                 };
-                let score = fine.score(cells, shift);
                 if best.is_none_or(|(highest, _, _)| score > highest) {
                     best = Some((score, yaw_rad, shift));
                 }
@@ -339,7 +292,7 @@ mod tests {
                 reach_m: 1.6,
                 yaw_rad: 1.05,
             };
-            let best = search(&points, &map.submap, guess, &deskew, window)[0];
+            let best = search(&points, &map.submap, guess, &deskew, window, None)[0];
             let off = best.translation().norm();
             assert!(
                 off < 0.15 && best.yaw_rad.abs() < 0.04,

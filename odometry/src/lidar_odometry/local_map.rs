@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::beam_filter::ScanPoints;
+use super::beam_filter::{LANES, ScanPoints};
+use super::local_motion::LocalMotion;
 use super::motion::Motion;
-use super::point_to_line::LocalMotion;
 use super::submap::{Cell, FreeSpace, KnownMap, LocalOrigin, RAY_STRIDE, Submap};
 use crate::RobotTime;
 use crate::geometry::Pose2;
@@ -85,25 +85,27 @@ impl LocalMap {
         // Other beams mark free space each time.
         let phase = self.submap.updates() as usize * (RAY_STRIDE / 2 + 1);
         let mut previous = None;
-        for (index, returned) in points.iter().enumerate() {
-            let (qx, qy) = local.deskew(returned.x, returned.y, returned.tau_s);
-            let point = local.transform(qx, qy);
-            let (cell, _, _) = origin.locate(point.0, point.1);
-            if (index + phase).is_multiple_of(RAY_STRIDE) {
-                let cos_incidence = self.cos_incidence(cell, from, point);
-                self.free_space
-                    .pass(origin, from, point, cos_incidence, &mut self.submap);
-            }
-            let direction = local.direction(qx, qy, returned.inverse_range);
-            let is_still = !self.free_space.was_free(cell);
-            self.free_space.hit(cell);
-            if is_still {
-                self.submap.insert(origin, point, direction, 1.0);
-                if let Some(previous) = previous {
-                    self.fill(origin, previous, point, direction);
+        for (number, block) in points.blocks().iter().enumerate() {
+            let placed = local.place(block);
+            for i in 0..block.count().min(LANES) {
+                let point = (placed.wx[i], placed.wy[i]);
+                let (cell, _, _) = origin.locate(point.0, point.1);
+                if (number * LANES + i + phase).is_multiple_of(RAY_STRIDE) {
+                    let cos_incidence = self.cos_incidence(cell, from, point);
+                    self.free_space
+                        .pass(origin, from, point, cos_incidence, &mut self.submap);
                 }
+                let direction = local.direction(placed.qx[i], placed.qy[i], block.inverse_range[i]);
+                let is_still = !self.free_space.was_free(cell);
+                self.free_space.hit(cell);
+                if is_still {
+                    self.submap.insert(origin, point, direction, 1.0);
+                    if let Some(previous) = previous {
+                        self.fill(origin, previous, point, direction);
+                    }
+                }
+                previous = (block.joined[i] && is_still).then_some(point);
             }
-            previous = (returned.joined && is_still).then_some(point);
         }
         self.submap.end_update();
     }

@@ -9,6 +9,7 @@ mod covariance;
 mod fit;
 mod floor;
 mod local_map;
+mod local_motion;
 mod motion;
 mod normal_equations;
 mod point_to_line;
@@ -29,13 +30,14 @@ use crate::field::FieldRefused;
 use crate::geometry::Pose2;
 use crate::occupancy_grid::{ORIGIN_MAX_M, OccupancyGrid};
 use crate::scan::Scan;
-use beam_filter::{BLOCKS_MAX, BeamFilter, LANES, ScanPoints};
+use beam_filter::{BeamFilter, ScanPoints};
 use covariance::OpenDirection;
 use fit::Fit;
 use floor::{FloorWatch, LearntFloor};
 use local_map::LocalMap;
+use local_motion::LocalMotion;
 use motion::Motion;
-use point_to_line::{Alignment, LocalMotion};
+use point_to_line::Alignment;
 use scanner::{Remap, Scanner};
 use submap::{KnownMap, LocalOrigin};
 use tracking::Track;
@@ -367,14 +369,14 @@ impl LidarOdometry {
         let mut motion = predicted.clone();
         let mut open = None;
         let mut chi2 = (0.0, 0.0);
-        let mut squares = [[f32::INFINITY; LANES]; BLOCKS_MAX];
+        let mut matches = alignment.unmatched();
         let mut is_settled = false;
         for iteration in 0..ITERATIONS_MAX {
             let local = LocalMotion::new(&motion, origin);
             let stride = if iteration == 0 { 2 } else { 1 };
-            let mut equations = alignment.linearise(&local, stride, &mut squares);
+            let mut equations = alignment.linearise(&local, stride, &mut matches);
             if let Some(direction) = covariance::suspect_direction(&equations) {
-                let facing = alignment.information_facing(&local, direction);
+                let facing = alignment.information_facing(&local, direction, &mut matches);
                 open = covariance::is_open(facing).then_some(OpenDirection { direction });
             }
             if let Some(open) = &open {
@@ -392,9 +394,9 @@ impl LidarOdometry {
         }
         let local = LocalMotion::new(&motion, origin);
         if !is_settled {
-            alignment.linearise(&local, 1, &mut squares);
+            alignment.linearise(&local, 1, &mut matches);
         }
-        let fit = alignment.assess(&local, &self.map.free_space, &squares, ASSESS_STRIDE);
+        let fit = alignment.assess(&local, &self.map.free_space, &matches, ASSESS_STRIDE);
         Some(Solution {
             motion,
             fit,
@@ -470,17 +472,25 @@ impl LidarOdometry {
     }
 
     /// Looks for a better pose than `solution` around the prediction, and where the last scan was:
-    /// the velocity of one that people hid half of may be wrong.
+    /// the velocity of one that people hid half of may be wrong. Where `solution` fits, only poses count
+    /// that the prediction allows for and that more points agree with.
     fn search(&self, solution: &mut Solution, predicted: &Motion, dt: f64) {
-        let deskew = LocalMotion::new(predicted, LocalOrigin::near(0.0, 0.0));
+        let mut window = self.track.window(dt);
+        let mut last = self.motion.as_ref().map(|motion| motion.pose);
+        let mut rival = None;
+        if !self.track.distrusts(&solution.fit) {
+            window = window.within(predicted.pose_sigmas());
+            last = None;
+            rival = Some(solution.motion.pose);
+        }
         let poses = correlative_search::search(
             &self.points,
             &self.map.submap,
             predicted.pose,
-            &deskew,
-            self.track.window(dt),
+            &LocalMotion::new(predicted, LocalOrigin::near(0.0, 0.0)),
+            window,
+            rival,
         );
-        let last = self.motion.as_ref().map(|motion| motion.pose);
         // The velocity at a map's first scan is not known.
         let is_tracked = !self.track.is_lost() && self.first_scan.is_none();
         let tracked = (is_tracked && dt >= BENT_FROM_S).then_some(predicted);

@@ -9,12 +9,12 @@
 
 use nalgebra::{Matrix3, Matrix6, Vector2, Vector6};
 
-use super::beam_filter::{BLOCKS_MAX, Block, LANES, ScanPoints};
+use super::beam_filter::{Block, LANES, ScanPoints};
 use super::fit::Fit;
-use super::motion::Motion;
+use super::local_motion::LocalMotion;
 use super::normal_equations::NormalEquations;
 use super::range_errors::RangeErrors;
-use super::submap::{Cell, FreeSpace, LocalOrigin, Submap};
+use super::submap::{Cell, FreeSpace, Submap};
 
 /// Sigmas beyond which a residual loses its weight (Geman-McClure).
 const ROBUST_SIGMAS: f32 = 3.0;
@@ -47,9 +47,46 @@ struct Terms {
     sums: [[f32; LANES]; TERMS],
 }
 
-/// Squared residuals of a scan's points over their variances, block by block; infinite where the map has no
-/// line.
-pub type Squares = [[f32; LANES]; BLOCKS_MAX];
+/// The lines that a block's points are matched with, one lane a point; kept from pass to pass, since most
+/// points stay in their cells.
+#[derive(Clone)]
+pub struct Matches {
+    cells: [Cell; LANES],
+    nx: [f32; LANES],
+    ny: [f32; LANES],
+    d: [f32; LANES],
+    /// Negative where there is no line.
+    variance: [f32; LANES],
+    cos: [f32; LANES],
+    /// Squared residuals over their variances; infinite where the map has no line.
+    squares: [f32; LANES],
+}
+
+impl Matches {
+    /// Matches before the first pass.
+    pub const NONE: Self = Self {
+        cells: [Cell::NOWHERE; LANES],
+        nx: [0.0; LANES],
+        ny: [0.0; LANES],
+        d: [0.0; LANES],
+        variance: [-1.0; LANES],
+        cos: [0.0; LANES],
+        squares: [f32::INFINITY; LANES],
+    };
+
+    /// Reads the lines of the points that have come into another cell.
+    fn read(&mut self, submap: &Submap, cells: &[Cell; LANES], count: usize) {
+        let lanes = self.cells.iter_mut().zip(cells).enumerate();
+        for (i, (before, &cell)) in lanes.take(count) {
+            if *before != cell {
+                let line = submap.line(cell);
+                *before = cell;
+                (self.nx[i], self.ny[i], self.d[i]) = (line.nx, line.ny, line.d);
+                (self.variance[i], self.cos[i]) = (line.variance, line.cos);
+            }
+        }
+    }
+}
 
 /// A block of points laid over the map, one lane a point.
 pub struct Laid {
@@ -88,89 +125,6 @@ pub struct Seen {
     pub weight: f32,
 }
 
-/// Pose and velocity in single precision, measured from a local origin.
-#[derive(Debug, Clone, Copy)]
-pub struct LocalMotion {
-    /// The origin.
-    pub origin: LocalOrigin,
-    x: f32,
-    y: f32,
-    cos: f32,
-    sin: f32,
-    vx: f32,
-    vy: f32,
-    omega: f32,
-    /// Half the acceleration.
-    half_ax: f32,
-    half_ay: f32,
-    half_alpha: f32,
-}
-
-impl LocalMotion {
-    /// `motion` as seen from `origin`.
-    pub fn new(motion: &Motion, origin: LocalOrigin) -> Self {
-        let (ox, oy) = origin.position_m();
-        let (sin, cos) = motion.pose.yaw_rad.sin_cos();
-        Self {
-            origin,
-            x: (motion.pose.x_m - ox) as f32,
-            y: (motion.pose.y_m - oy) as f32,
-            cos: cos as f32,
-            sin: sin as f32,
-            vx: motion.velocity.x as f32,
-            vy: motion.velocity.y as f32,
-            omega: motion.velocity.z as f32,
-            half_ax: 0.5 * motion.acceleration.x as f32,
-            half_ay: 0.5 * motion.acceleration.y as f32,
-            half_alpha: 0.5 * motion.acceleration.z as f32,
-        }
-    }
-
-    /// The LiDAR's velocity in its own frame, m/s and rad/s.
-    pub fn velocity(&self) -> (f32, f32, f32) {
-        (self.vx, self.vy, self.omega)
-    }
-
-    /// The direction of a deskewed point from the LiDAR, as the map's axes lie.
-    #[inline]
-    pub fn direction(&self, x: f32, y: f32, inverse_range: f32) -> (f32, f32) {
-        let (x, y) = (x * inverse_range, y * inverse_range);
-        (self.cos * x - self.sin * y, self.sin * x + self.cos * y)
-    }
-
-    /// The LiDAR's position.
-    pub fn position(&self) -> (f32, f32) {
-        (self.x, self.y)
-    }
-
-    /// Deskews a point: where a beam taken at `tau` would have hit at the reference time.
-    #[inline]
-    pub fn deskew(&self, x: f32, y: f32, tau: f32) -> (f32, f32) {
-        let a = tau * (self.omega + tau * self.half_alpha);
-        let a2 = a * a;
-        let s = a * (1.0 - a2 * (1.0 / 6.0 - a2 * (1.0 / 120.0)));
-        let c = 1.0 - a2 * (0.5 - a2 * (1.0 / 24.0 - a2 * (1.0 / 720.0)));
-        // (sin a)/a and (1 - cos a)/a of the exponential map.
-        let sa = 1.0 - a2 * (1.0 / 6.0 - a2 * (1.0 / 120.0));
-        let ca = a * (0.5 - a2 * (1.0 / 24.0));
-        let tx = tau * (self.vx + tau * self.half_ax);
-        let ty = tau * (self.vy + tau * self.half_ay);
-        (
-            c * x - s * y + sa * tx - ca * ty,
-            s * x + c * y + ca * tx + sa * ty,
-        )
-    }
-
-    /// A deskewed point, seen from the origin.
-    #[inline]
-    pub fn transform(&self, x: f32, y: f32) -> (f32, f32) {
-        (
-            self.cos * x - self.sin * y + self.x,
-            self.sin * x + self.cos * y + self.y,
-        )
-    }
-}
-
 /// The points of a scan laid over the map: the one place where residuals come from.
 #[derive(Clone, Copy)]
 pub struct Alignment<'a> {
@@ -185,53 +139,55 @@ pub struct Alignment<'a> {
 }
 
 impl Alignment<'_> {
+    /// No matches yet, for each block of points.
+    pub fn unmatched(&self) -> Vec<Matches> {
+        vec![Matches::NONE; self.points.blocks().len()]
+    }
+
     /// One pass over every `stride`-th block of points: residuals, weights and normal equations. Notes the
-    /// squared residuals of these blocks.
+    /// matches of these blocks.
     pub fn linearise(
         &self,
         motion: &LocalMotion,
         stride: usize,
-        squares: &mut Squares,
+        matches: &mut [Matches],
     ) -> NormalEquations {
         let mut sums = Sums::default();
-        let blocks = self.points.blocks().iter().zip(squares);
-        for (block, squares) in blocks.step_by(stride) {
-            let laid = self.lay(motion, block);
-            let terms = self.weigh(motion, block, &laid, squares);
+        let blocks = self.points.blocks().iter().zip(matches);
+        for (block, matches) in blocks.step_by(stride) {
+            let laid = self.lay(motion, block, matches);
+            let terms = self.weigh(motion, block, &laid, &mut matches.squares);
             sums.add(&terms, block.mean_tau_s());
         }
         sums.into_equations()
     }
 
-    /// Lays a block over the map: deskews, transforms, and reads the line of each point's cell.
-    pub fn lay(&self, motion: &LocalMotion, block: &Block) -> Laid {
-        let mut laid = Laid {
-            qx: [0.0; LANES],
-            qy: [0.0; LANES],
-            nx: [0.0; LANES],
-            ny: [0.0; LANES],
-            distance: [0.0; LANES],
-            variance: [0.0; LANES],
-            cos: [0.0; LANES],
-            matched: [0.0; LANES],
-        };
-        let mut cells = [Cell { x: 0, y: 0 }; LANES];
+    /// Lays a block over the map: deskews, transforms, and compares each point with its cell's line.
+    pub fn lay(&self, motion: &LocalMotion, block: &Block, matches: &mut Matches) -> Laid {
+        // 1. The points' cells, and the points about the cells' centres.
+        let placed = motion.place(block);
+        let mut cells = [Cell::NOWHERE; LANES];
         let (mut cx, mut cy) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
-            let (qx, qy) = motion.deskew(block.x[i], block.y[i], block.tau_s[i]);
-            let (wx, wy) = motion.transform(qx, qy);
-            (cells[i], cx[i], cy[i]) = motion.origin.locate(wx, wy);
-            (laid.qx[i], laid.qy[i]) = (qx, qy);
+            (cells[i], cx[i], cy[i]) = motion.origin.locate(placed.wx[i], placed.wy[i]);
         }
-        for i in 0..block.count().min(LANES) {
-            let line = self.submap.line(cells[i]);
-            if line.exists() {
-                (laid.nx[i], laid.ny[i]) = (line.nx, line.ny);
-                laid.distance[i] = line.nx * cx[i] + line.ny * cy[i] - line.d;
-                laid.variance[i] = line.variance;
-                laid.cos[i] = line.cos;
-                laid.matched[i] = 1.0;
-            }
+        // 2. The cells' lines.
+        matches.read(self.submap, &cells, block.count());
+        // 3. The distances n · c - d.
+        let mut laid = Laid {
+            qx: placed.qx,
+            qy: placed.qy,
+            nx: matches.nx,
+            ny: matches.ny,
+            distance: [0.0; LANES],
+            variance: [0.0; LANES],
+            cos: matches.cos,
+            matched: [0.0; LANES],
+        };
+        for i in 0..LANES {
+            laid.distance[i] = matches.nx[i] * cx[i] + matches.ny[i] * cy[i] - matches.d[i];
+            laid.variance[i] = matches.variance[i].max(0.0);
+            laid.matched[i] = if matches.variance[i] >= 0.0 { 1.0 } else { 0.0 };
         }
         laid
     }
@@ -310,11 +266,16 @@ impl Alignment<'_> {
 
     /// The information of the surfaces that face `direction` (LiDAR's frame) on the position along
     /// it: the others show it only through the noise of their normals.
-    pub fn information_facing(&self, motion: &LocalMotion, direction: Vector2<f64>) -> f64 {
+    pub fn information_facing(
+        &self,
+        motion: &LocalMotion,
+        direction: Vector2<f64>,
+        matches: &mut [Matches],
+    ) -> f64 {
         let (ex, ey) = (direction.x as f32, direction.y as f32);
         let mut sum = 0.0;
-        for block in self.points.blocks() {
-            let laid = self.lay(motion, block);
+        for (block, matches) in self.points.blocks().iter().zip(matches) {
+            let laid = self.lay(motion, block, matches);
             for i in 0..LANES {
                 let seen = self.seen(motion, block, &laid, i);
                 let facing = seen.jx * ex + seen.jy * ey;
@@ -332,11 +293,12 @@ impl Alignment<'_> {
         &self,
         motion: &LocalMotion,
         free_space: &FreeSpace,
-        squares: &Squares,
+        matches: &[Matches],
         stride: usize,
     ) -> Fit {
         let mut fit = Fit::default();
-        for (number, (block, squares)) in self.points.blocks().iter().zip(squares).enumerate() {
+        for (number, (block, matches)) in self.points.blocks().iter().zip(matches).enumerate() {
+            let squares = &matches.squares;
             let before = number * LANES;
             let first = before.next_multiple_of(stride) - before;
             for i in (first..block.count().min(LANES)).step_by(stride) {
@@ -423,25 +385,4 @@ pub fn sum_of_lanes(lanes: &[f32; LANES]) -> f32 {
         }
     }
     four.iter().sum()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::Pose2;
-    use nalgebra::Vector3;
-
-    #[test]
-    fn deskewing_is_the_exponential_map() {
-        let mut motion = Motion::starting_at(Pose2::new(3.0, -2.0, 0.4));
-        motion.velocity = Vector3::new(1.3, -0.2, 1.1);
-        let local = LocalMotion::new(&motion, LocalOrigin::near(3.0, -2.0));
-        for tau in [-0.05, 0.0, 0.013, 0.05] {
-            let moved = Pose2::exp(&(motion.velocity * tau));
-            let wanted = moved.transform_point(Vector2::new(7.0, -4.0));
-            let (x, y) = local.deskew(7.0, -4.0, tau as f32);
-            assert!((f64::from(x) - wanted.x).abs() < 2e-6, "{x} {wanted}");
-            assert!((f64::from(y) - wanted.y).abs() < 2e-6, "{y} {wanted}");
-        }
-    }
 }

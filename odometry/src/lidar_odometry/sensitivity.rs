@@ -3,7 +3,8 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::beam_filter::{Block, LANES};
-use super::point_to_line::{Alignment, Laid, LocalMotion, sum_of_lanes};
+use super::local_motion::LocalMotion;
+use super::point_to_line::{Alignment, Laid, Matches, sum_of_lanes};
 
 /// Stride of the evaluated blocks of points: the unknowns stay, so that any scan shows them.
 const ASKED_STRIDE: usize = 2;
@@ -32,7 +33,8 @@ impl Alignment<'_> {
         let mut totals = [0.0; TERMS];
         let blocks = self.points.blocks().iter();
         for block in blocks.skip(phase % ASKED_STRIDE).step_by(ASKED_STRIDE) {
-            let laid = self.lay(motion, block);
+            let mut matches = Matches::NONE;
+            let laid = self.lay(motion, block, &mut matches);
             let terms = self.products(motion, block, &laid);
             for (total, lanes) in totals.iter_mut().zip(&terms) {
                 *total += f64::from(sum_of_lanes(lanes));

@@ -1,7 +1,7 @@
 //! Picture of the LiDAR odometry for people: the latest scan on the local map.
 
 use super::LidarOdometry;
-use super::point_to_line::LocalMotion;
+use super::local_motion::LocalMotion;
 use super::submap::{CELL_M, Cell, LocalOrigin, Submap};
 use crate::RobotTime;
 use crate::geometry::Pose2;

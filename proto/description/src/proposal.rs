@@ -1,6 +1,6 @@
 //! Proposal for a robot's configuration.
 
-use fleetcal_model::{Pose2, VehicleModel};
+use fleetcal_model::{Pose2, SpeedMeasuredAt, VehicleModel};
 
 use crate::chassis::{FixedAxle, SteeredAxle};
 use crate::derived::{Derived, Underivable};
@@ -28,15 +28,21 @@ pub enum Layout {
     Tricycle,
     /// Two steered wheels, one on either side.
     Ackermann,
+    /// Steered behind the fixed wheels, which are driven.
+    RearSteered,
+    /// One wheel behind the fixed ones, steered and driven.
+    RearDriven,
 }
 
 impl Layout {
-    /// Its name: `bicycle`, `tricycle` or `ackermann`.
+    /// Its name: `bicycle` and so on.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Bicycle => "bicycle",
             Self::Tricycle => "tricycle",
             Self::Ackermann => "ackermann",
+            Self::RearSteered => "rear_steered",
+            Self::RearDriven => "rear_driven",
         }
     }
 
@@ -45,6 +51,15 @@ impl Layout {
         match self {
             Self::Bicycle | Self::Ackermann => VehicleModel::Bicycle,
             Self::Tricycle => VehicleModel::Tricycle,
+            Self::RearSteered | Self::RearDriven => VehicleModel::RearSteered,
+        }
+    }
+
+    /// Place of the speed measurement, where it is not that of the model.
+    pub const fn speed_measured_at(self) -> Option<SpeedMeasuredAt> {
+        match self {
+            Self::RearDriven => Some(SpeedMeasuredAt::SteeredWheel),
+            Self::Bicycle | Self::Ackermann | Self::Tricycle | Self::RearSteered => None,
         }
     }
 }
@@ -54,7 +69,7 @@ impl Layout {
 pub struct Joints {
     /// Steering joints: that of the centre, or the left and the right one.
     pub steering: Vec<String>,
-    /// Steering angle, left positive at a front axle, for each radian of the joint: 1 or -1.
+    /// Angle of the steered wheel, counter-clockwise positive, for each radian of the joint: 1 or -1.
     pub steering_gear: f64,
     /// Joints whose mean velocity is the speed.
     pub wheels: Vec<String>,
@@ -203,27 +218,32 @@ fn layout(
     steered: &SteeredAxle<'_>,
 ) -> Result<Derived<Layout>, Underivable> {
     let names = steered_names(steered);
+    let (beside, central, driven) = if steered.ahead_m < 0.0 {
+        (Layout::RearSteered, Layout::RearSteered, Layout::RearDriven)
+    } else {
+        (Layout::Ackermann, Layout::Bicycle, Layout::Tricycle)
+    };
     let Some(centre) = steered.centre else {
         let source = format!("URDF: steered on either side by {names}");
-        return Ok(Derived::new(Layout::Ackermann, source));
+        return Ok(Derived::new(beside, source));
     };
     let steered_drives = centre.wheels.iter().any(|wheel| wheel.control.drives);
     let fixed_drives = fixed.wheels.iter().any(|wheel| wheel.control.drives);
     let cannot_drive = centre.wheels.is_empty() || !steered.beside.is_empty();
     match (steered_drives, fixed_drives) {
         (true, false) => Ok(Derived::new(
-            Layout::Tricycle,
+            driven,
             format!("URDF: the wheel steered by {names} is driven"),
         )),
         (false, true) => Ok(Derived::new(
-            Layout::Bicycle,
+            central,
             format!(
                 "URDF: steered at the centre by {names}, driven by {}",
                 fixed.names()
             ),
         )),
         (false, false) if cannot_drive => Ok(Derived::new(
-            Layout::Bicycle,
+            central,
             format!("URDF: steered at the centre by {names}, whose wheel has no joint to drive it"),
         )),
         (both, _) => Err(Underivable::new(
@@ -260,7 +280,7 @@ fn speed_wheels<'g>(
         ));
     };
     let all: Vec<&Wheel> = match (layout, steered.centre) {
-        (Layout::Tricycle, Some(centre)) => centre.wheels.iter().collect(),
+        (Layout::Tricycle | Layout::RearDriven, Some(centre)) => centre.wheels.iter().collect(),
         _ => fixed.wheels.clone(),
     };
     let driven = |wheel: &&&Wheel| wheel.control.drives;
@@ -349,10 +369,9 @@ fn joints(steered: &SteeredAxle<'_>, wheels: &[&Wheel]) -> Result<Derived<Joints
             .map(|wheel| wheel.joint.clone())
             .collect::<Vec<_>>()
     };
-    let at_rear = if steered.ahead_m < 0.0 { -1.0 } else { 1.0 };
     let joints = Joints {
         steering: swivels.iter().map(|swivel| swivel.joint.clone()).collect(),
-        steering_gear: sense * at_rear,
+        steering_gear: sense,
         wheels: names(wheels),
         wheel_gear: wheels.first().map_or(1.0, |wheel| wheel.sense),
     };
@@ -368,7 +387,7 @@ fn rear_steered(axles: Axles<'_, '_>) -> Option<String> {
     let (fixed, steered) = axles.filter(|(_, steered)| steered.ahead_m < 0.0)?;
     Some(format!(
         "the steered axle ({}) is behind the fixed one ({}): an angle to the left turns the \
-         vehicle to the right, so steering_gear is negative and `base` is the fixed axle",
+         vehicle to the right, and `base` is the fixed axle",
         steered_names(steered),
         fixed.names()
     ))

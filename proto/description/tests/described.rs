@@ -4,7 +4,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use fleetcal_description::{Description, Layout, Proposal, StaticTransform};
-use fleetcal_model::{Pose2, VehicleModel};
+use fleetcal_model::{Pose2, SpeedMeasuredAt, VehicleModel};
 
 const BICYCLE: &str = include_str!("urdf/bicycle_steering.urdf");
 const TRICYCLE: &str = include_str!("urdf/tricycle.urdf");
@@ -173,17 +173,37 @@ fn the_simulators_vehicle_is_found_among_its_other_parts() {
 }
 
 #[test]
-fn a_steered_axle_at_the_rear_turns_the_other_way() {
+fn a_steered_axle_at_the_rear_is_rear_steered_by_the_angle_of_its_wheel() {
     let urdf = BICYCLE.replace("\"0.31 ", "\"-0.93 ");
     let proposal = proposed(&urdf, None);
+    let layout = proposal.layout.unwrap().value;
+    assert_eq!(layout.model(), VehicleModel::RearSteered);
+    assert_eq!(layout.speed_measured_at(), None);
     near(proposal.wheelbase_m.unwrap().value, 0.62);
     let joints = proposal.joints.unwrap().value;
-    near(joints.steering_gear, -1.0);
+    near(joints.steering_gear, 1.0);
+    assert_eq!(joints.wheels, ["virtual_rear_wheel_joint"]);
     assert!(
         proposal.remarks[0].contains("behind the fixed one"),
         "{:?}",
         proposal.remarks
     );
+}
+
+#[test]
+fn a_wheel_at_the_rear_that_steers_and_drives_measures_the_speed() {
+    let steering = "xyz=\"0.7 0 -0.3\"";
+    assert!(TRICYCLE.contains(steering));
+    let urdf = TRICYCLE.replace(steering, "xyz=\"-2.3 0 -0.3\"");
+    let proposal = proposed(&urdf, None);
+    let layout = proposal.layout.unwrap().value;
+    assert_eq!(layout.model(), VehicleModel::RearSteered);
+    assert_eq!(
+        layout.speed_measured_at(),
+        Some(SpeedMeasuredAt::SteeredWheel)
+    );
+    near(proposal.wheelbase_m.unwrap().value, 1.5);
+    assert_eq!(proposal.joints.unwrap().value.wheels, ["traction_joint"]);
 }
 
 #[test]

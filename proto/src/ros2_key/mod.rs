@@ -81,9 +81,15 @@ fn layout_of_hash(hash: &str) -> KeyLayout {
     }
 }
 
-/// Key expression of a type's messages on a path, whatever their hash.
-pub fn typed_expression(path: &str, message_type: MessageType) -> String {
-    format!("{path}/{}/*", message_type.dds_type())
+/// Key expression of the messages on a path whose keys have this name of a type, whatever their hash.
+pub fn typed_expression(path: &str, type_name: &str) -> String {
+    format!("{path}/{type_name}/*")
+}
+
+/// Key expressions of a type's messages on a path: one for each name of the type.
+pub fn typed_expressions(path: &str, message_type: MessageType) -> impl Iterator<Item = String> {
+    let names = message_type.dds_types();
+    names.map(move |name| typed_expression(path, &name))
 }
 
 /// Key of a type's messages on a path in the form of Humble, without a hash.

@@ -27,6 +27,7 @@ fn document() -> CalibrationDocument {
         },
         sigmas: CalibrationValues::default(),
         covariance: None,
+        steering_table: None,
         frame: CalibrationFrame::RearAxle,
         confirm_within_s: 600,
         rear_axle_in_base_link: None,

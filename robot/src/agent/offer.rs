@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-use fleetcal_model::{Generation, Pose2, RobotTime};
+use fleetcal_model::{Generation, Pose2, RobotTime, SteeringTable};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationDocument;
 use fleetcal_proto::offer::{Offered, Question};
@@ -123,6 +123,7 @@ pub(super) fn judge(
             confirm_within_s: document.confirm_within_s,
             values: document.values,
             rear_axle_in_base_link: document.rear_axle_in_base_link,
+            steering_table: document.steering_table,
             document: envelope.document.clone(),
         }),
     }
@@ -195,6 +196,15 @@ fn objection(
             "rear_axle_in_base_link: got {x_m}, {y_m}, {yaw_rad}, expected -30 to 30 m and \
              radians within one turn"
         ));
+    }
+    if !document
+        .steering_table
+        .as_ref()
+        .is_none_or(SteeringTable::is_sound)
+    {
+        return Some(
+            "steering_table: expected radians within one turn, by growing measured_rad".to_owned(),
+        );
     }
     let outside = identity.limits.check(&document.values).err()?;
     Some(outside.to_string())

@@ -1,15 +1,16 @@
-//! Files beside the applied one in which ROS finds the same values: a URDF origin, the line of a
-//! `static_transform_publisher`, node parameters, and places in files of other software. Each names
-//! its frames and the generation, and has poses in one frame alone.
+//! Files beside the applied one: for ROS a URDF origin, the line of a `static_transform_publisher`, node
+//! parameters, and places in files of other software, each with the same values, its frames, the generation, and
+//! poses in one frame alone; and for a steering controller the curve of the steering.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use fleetcal_model::{Generation, Pose2};
+use fleetcal_model::{Generation, Pose2, SteeringPoint, SteeringTable};
 use fleetcal_proto::calibration::CalibrationValues;
 
 use super::file::{self, FileError};
 use super::in_place::{self, Format, Placed};
+use super::state::BesideValues;
 
 /// Comment in every file that the agent may replace.
 const MARK: &str = "Written by fleetcal agent, which replaces it";
@@ -52,6 +53,9 @@ pub enum OutputKind {
     UrdfJoint,
     /// Autoware's `sensors_calibration.yaml`, in which the LiDAR's x, y and yaw are replaced.
     AutowareCalibration,
+    /// Curve of the steering as CSV: measured angle, true angle, its standard deviation. There is no file while
+    /// the calibration in use has no curve.
+    SteeringTable,
 }
 
 impl OutputKind {
@@ -60,7 +64,10 @@ impl OutputKind {
         match self {
             Self::UrdfJoint => Some(Format::Urdf),
             Self::AutowareCalibration => Some(Format::Autoware),
-            Self::UrdfOrigin | Self::StaticTransform | Self::RosParameters => None,
+            Self::UrdfOrigin
+            | Self::StaticTransform
+            | Self::RosParameters
+            | Self::SteeringTable => None,
         }
     }
 }
@@ -103,32 +110,28 @@ impl Outputs {
         Ok(())
     }
 
-    /// Writes these values, of this generation, which came with this pose of the rear axle, to all
-    /// files; `None` removes the agent's own files and restores the pose in the others.
+    /// Writes these values, and what came with them, to all files; `None` removes the agent's own files and
+    /// restores the pose in the others.
     pub(super) fn write(
         &self,
         values: Option<&CalibrationValues>,
-        rear_axle: Option<Pose2>,
-        generation: Generation,
+        beside: &BesideValues,
     ) -> Result<(), FileError> {
-        let rear_axle = self.rear_axle(rear_axle);
+        let rear_axle = self.rear_axle(beside.rear_axle_in_base_link);
+        let placed = |lidar| self.placed(lidar, beside.generation);
         for (kind, path) in &self.files {
             match (values, kind.in_place()) {
                 (None, None) => file::remove(path)?,
-                (None, Some(format)) => {
-                    let placed = self.placed(Pose2::IDENTITY, generation);
-                    in_place::restore(path, format, &placed)?;
-                }
+                (None, Some(format)) => in_place::restore(path, format, &placed(Pose2::IDENTITY))?,
                 (Some(values), Some(format)) => {
-                    let placed = self.placed(lidar_in_base_link(values, rear_axle), generation);
-                    in_place::write(path, format, &placed)?;
+                    let lidar = lidar_in_base_link(values, rear_axle);
+                    in_place::write(path, format, &placed(lidar))?;
                 }
-                (Some(values), None) => {
-                    let text = self.text(*kind, values, rear_axle, generation);
-                    if file::read(path)?.as_deref() != Some(text.as_str()) {
-                        file::replace(path, &text)?;
-                    }
-                }
+                (Some(values), None) => match self.text(*kind, values, beside) {
+                    Some(text) if file::read(path)?.as_deref() == Some(text.as_str()) => {}
+                    Some(text) => file::replace(path, &text)?,
+                    None => file::remove(path)?,
+                },
             }
         }
         Ok(())
@@ -148,21 +151,25 @@ impl Outputs {
         given.or(said).unwrap_or_default()
     }
 
+    /// Formats a file; `None` if the document has nothing for it.
     fn text(
         &self,
         kind: OutputKind,
         values: &CalibrationValues,
-        rear_axle: Pose2,
-        generation: Generation,
-    ) -> String {
+        beside: &BesideValues,
+    ) -> Option<String> {
+        let rear_axle = self.rear_axle(beside.rear_axle_in_base_link);
         let lidar = lidar_in_base_link(values, rear_axle);
-        let head = self.placed(lidar, generation).in_words();
+        let head = self.placed(lidar, beside.generation).in_words();
         match kind {
-            OutputKind::UrdfOrigin | OutputKind::UrdfJoint => self.urdf_origin(lidar, &head),
-            OutputKind::StaticTransform => self.static_transform(lidar, &head),
+            OutputKind::UrdfOrigin | OutputKind::UrdfJoint => Some(self.urdf_origin(lidar, &head)),
+            OutputKind::StaticTransform => Some(self.static_transform(lidar, &head)),
             OutputKind::RosParameters | OutputKind::AutowareCalibration => {
-                self.ros_parameters(values, lidar, generation)
+                Some(self.ros_parameters(values, lidar, beside.generation))
             }
+            OutputKind::SteeringTable => beside
+                .steering_table
+                .map(|table| steering_table(table, beside.generation)),
         }
     }
 
@@ -227,6 +234,24 @@ impl Outputs {
     }
 }
 
+/// Formats a curve of the steering, from the right to the left.
+fn steering_table(table: &SteeringTable, generation: Generation) -> String {
+    let mut text = format!(
+        "# {MARK}. Generation {generation}. For information, left positive.\n\
+         measured_rad,true_rad,sigma_rad\n"
+    );
+    for point in &table.points {
+        let SteeringPoint {
+            measured_rad,
+            true_rad,
+            sigma_rad,
+        } = point;
+        // Writing into a text cannot fail.
+        writeln!(text, "{measured_rad:.8},{true_rad:.8},{sigma_rad:.8}").ok();
+    }
+    text
+}
+
 fn lidar_in_base_link(values: &CalibrationValues, rear_axle: Pose2) -> Pose2 {
     rear_axle.compose(&Pose2 {
         x_m: values.lidar_x_m,
@@ -241,6 +266,8 @@ mod tests {
     use std::fs;
     use std::path::Path;
 
+    use fleetcal_model::SteeringTableStatus;
+
     use super::*;
 
     const GENERATION: Generation = Generation(7);
@@ -252,6 +279,58 @@ mod tests {
             lidar_y_m: 0.25,
             lidar_yaw_rad: 0.0,
             ..CalibrationValues::default()
+        }
+    }
+
+    fn beside(rear_axle_in_base_link: Option<Pose2>) -> BesideValues<'static> {
+        BesideValues {
+            generation: GENERATION,
+            rear_axle_in_base_link,
+            steering_table: None,
+        }
+    }
+
+    #[test]
+    fn a_steering_table_is_there_as_long_as_the_calibration_in_use_has_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("steering.csv");
+        let outputs = Outputs {
+            files: vec![(OutputKind::SteeringTable, path.clone())],
+            frames: VehicleFrames::default(),
+        };
+        let points = [[-0.25, -0.2525, 0.001], [0.5, 0.5, 0.0005]];
+        let table = SteeringTable {
+            status: SteeringTableStatus::Informative,
+            needs: None,
+            points: points
+                .map(|[measured_rad, true_rad, sigma_rad]| SteeringPoint {
+                    measured_rad,
+                    true_rad,
+                    sigma_rad,
+                })
+                .to_vec(),
+        };
+        let with_table = BesideValues {
+            steering_table: Some(&table),
+            ..beside(None)
+        };
+        outputs.write(Some(&values()), &with_table).unwrap();
+        let text = fs::read_to_string(&path).unwrap();
+        let rows: Vec<_> = text.lines().filter(|line| !line.starts_with('#')).collect();
+        assert_eq!(
+            rows,
+            [
+                "measured_rad,true_rad,sigma_rad",
+                "-0.25000000,-0.25250000,0.00100000",
+                "0.50000000,0.50000000,0.00050000",
+            ]
+        );
+        outputs.check(&[]).unwrap();
+        for (values, beside) in [(Some(values()), beside(None)), (None, with_table)] {
+            outputs.write(Some(&self::values()), &with_table).unwrap();
+            assert!(path.exists());
+            outputs.write(values.as_ref(), &beside).unwrap();
+            assert!(!path.exists());
         }
     }
 
@@ -288,9 +367,7 @@ mod tests {
             y_m: 7.0,
             yaw_rad: 0.0,
         };
-        outputs
-            .write(Some(&values()), Some(said), GENERATION)
-            .unwrap();
+        outputs.write(Some(&values()), &beside(Some(said))).unwrap();
         let text = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
         let origin = "<origin xyz=\"-0.750000 1.000000 0.200000\" rpy=\"0 0 1.57079633\"/>";
         assert!(
@@ -317,7 +394,7 @@ mod tests {
         }
         // What it has written it may replace, and take away.
         outputs.check(&[]).unwrap();
-        outputs.write(None, None, GENERATION).unwrap();
+        outputs.write(None, &beside(None)).unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
@@ -348,12 +425,12 @@ mod tests {
             for (_, name, text) in files {
                 fs::write(path(name), text).unwrap();
             }
-            outputs.write(Some(&values()), None, GENERATION).unwrap();
+            outputs.write(Some(&values()), &beside(None)).unwrap();
             for (_, name, text) in files {
                 assert_ne!(read(name), text);
                 fs::write(path(name), upgraded(&read(name))).unwrap();
             }
-            outputs.write(None, None, GENERATION).unwrap();
+            outputs.write(None, &beside(None)).unwrap();
             for (_, name, text) in files {
                 assert_eq!(read(name), upgraded(text));
             }
@@ -381,7 +458,7 @@ mod tests {
                 "xyz=\"1.000000 0.250000 0.200000\" rpy=\"0 0 0.00000000\"",
             ),
         ] {
-            outputs.write(Some(&values()), said, GENERATION).unwrap();
+            outputs.write(Some(&values()), &beside(said)).unwrap();
             let text = fs::read_to_string(folder.path().join("lidar.xacro")).unwrap();
             assert!(text.contains(origin), "{text}");
         }

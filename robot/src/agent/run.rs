@@ -276,17 +276,15 @@ impl Runner {
         written.map_err(|error| error.to_string())
     }
 
-    /// Writes the content of the applied file to the files for ROS.
+    /// Writes the content of the applied file to the files beside it.
     fn write_outputs(&self) -> Result<(), FileError> {
         if self.options.outputs.files.is_empty() {
             return Ok(());
         }
         let text = self.file.read()?;
         let values = text.as_deref().and_then(|text| self.file.values_in(text));
-        let memory = self.agent.memory();
-        let (rear_axle, generation) = (memory.rear_axle_in_base_link(), memory.generation());
-        let outputs = &self.options.outputs;
-        outputs.write(values.as_ref(), rear_axle, generation)
+        let beside = self.agent.memory().beside_values();
+        self.options.outputs.write(values.as_ref(), &beside)
     }
 
     /// Calls the hook, whose result comes as an event. A robot without a hook accepts everything.

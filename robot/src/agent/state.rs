@@ -1,11 +1,22 @@
 //! Memory of an agent, kept through restarts.
 
-use fleetcal_model::{Generation, Pose2, RobotTime};
+use fleetcal_model::{Generation, Pose2, RobotTime, SteeringTable};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use serde::{Deserialize, Serialize};
 
 use super::keys::KeyRing;
+
+/// Parts of a document beside its values.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct BesideValues<'a> {
+    /// Its generation.
+    pub generation: Generation,
+    /// Pose of the rear axle in `base_link`, if present.
+    pub rear_axle_in_base_link: Option<Pose2>,
+    /// Curve of the steering, if present.
+    pub steering_table: Option<&'a SteeringTable>,
+}
 
 /// Calibration that the robot compensates with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,6 +32,9 @@ pub struct Held {
     /// Pose of the rear axle in `base_link` in the document, if present.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rear_axle_in_base_link: Option<Pose2>,
+    /// Curve of the steering in the document, if present.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering_table: Option<SteeringTable>,
 }
 
 impl Held {
@@ -32,6 +46,15 @@ impl Held {
             applied_at_ns: now,
             values,
             rear_axle_in_base_link: None,
+            steering_table: None,
+        }
+    }
+
+    fn beside_values(&self) -> BesideValues<'_> {
+        BesideValues {
+            generation: self.generation,
+            rear_axle_in_base_link: self.rear_axle_in_base_link,
+            steering_table: self.steering_table.as_ref(),
         }
     }
 
@@ -83,6 +106,9 @@ pub struct Offer {
     /// Pose of the rear axle in `base_link` in the document, if present.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rear_axle_in_base_link: Option<Pose2>,
+    /// Curve of the steering in the document, if present.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering_table: Option<SteeringTable>,
     /// Its exact text, for the hook.
     pub document: String,
 }
@@ -245,24 +271,16 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Returns the pose of the rear axle in `base_link`, by the document whose values are in use or
-    /// about to be.
-    pub(super) fn rear_axle_in_base_link(&self) -> Option<Pose2> {
+    /// Returns the parts beside the values of the document whose values are in use or about to be.
+    pub(super) fn beside_values(&self) -> BesideValues<'_> {
         match &self.phase {
-            Phase::Writing { offer, .. } | Phase::Activating { offer, .. } => {
-                offer.rear_axle_in_base_link
-            }
-            Phase::Restoring { fallback, .. } => fallback.held.rear_axle_in_base_link,
-            Phase::Resting(_) | Phase::Asking { .. } => self.held.rear_axle_in_base_link,
-        }
-    }
-
-    /// Returns the generation of the values in use or about to be.
-    pub(super) fn generation(&self) -> Generation {
-        match &self.phase {
-            Phase::Writing { offer, .. } | Phase::Activating { offer, .. } => offer.generation,
-            Phase::Restoring { fallback, .. } => fallback.held.generation,
-            Phase::Resting(_) | Phase::Asking { .. } => self.held.generation,
+            Phase::Writing { offer, .. } | Phase::Activating { offer, .. } => BesideValues {
+                generation: offer.generation,
+                rear_axle_in_base_link: offer.rear_axle_in_base_link,
+                steering_table: offer.steering_table.as_ref(),
+            },
+            Phase::Restoring { fallback, .. } => fallback.held.beside_values(),
+            Phase::Resting(_) | Phase::Asking { .. } => self.held.beside_values(),
         }
     }
 

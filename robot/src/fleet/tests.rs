@@ -110,6 +110,7 @@ fn envelope_of(
         values,
         sigmas: values,
         covariance: None,
+        steering_table: None,
         frame: CalibrationFrame::RearAxle,
         confirm_within_s,
         rear_axle_in_base_link: None,

@@ -114,6 +114,10 @@ pub struct RosArguments {
     /// it was is kept beside it
     #[arg(long, value_name = "FILE", help_heading = "Files for ROS")]
     pub autoware_calibration: Option<PathBuf>,
+    /// Also write the curve of the steering as CSV, for information: measured angle, true angle and its
+    /// standard deviation, rad. The file is there while the calibration in use has a curve
+    #[arg(long, value_name = "FILE", help_heading = "Files for controllers")]
+    pub steering_table: Option<PathBuf>,
     /// Pose of the rear axle's centre in the base frame [default: from the robot's configuration at
     /// the service, or the origin]
     #[arg(
@@ -161,6 +165,7 @@ impl RosArguments {
             (OutputKind::RosParameters, &self.ros_parameters),
             (OutputKind::UrdfJoint, &self.urdf_joint),
             (OutputKind::AutowareCalibration, &self.autoware_calibration),
+            (OutputKind::SteeringTable, &self.steering_table),
         ];
         let named = files.into_iter();
         Outputs {

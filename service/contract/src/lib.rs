@@ -77,6 +77,7 @@ pub fn estimate(name: &str, t_s: i64, offset_rad: f64, yaw_rad: f64) -> Estimate
             steering_gain: parameter(Parameter::SteeringGain),
         },
         covariance: None,
+        steering_table: None,
         reassembly_open: false,
         detection: None,
         consistency: Consistency::of(3.0, 3.0, 10, None),

@@ -500,7 +500,7 @@ impl CalibrationSummary {
     pub fn of(ledger: &RobotLedger) -> Self {
         let shadow = &ledger.shadow;
         let live = ledger.live.as_ref();
-        let verdict = live.and_then(|live| live.verification);
+        let verdict = live.and_then(|live| live.verification.as_ref());
         Self {
             desired_generation: shadow.desired.as_ref().map(|desired| desired.generation),
             reported_generation: shadow.in_use.as_ref().map(|in_use| in_use.generation),

@@ -198,7 +198,7 @@ impl StandingBasis {
     /// policy.
     pub fn of(view: &RobotView, ledger: &RobotLedger, propose_beyond: &Tolerance) -> Self {
         let deployment = ledger.live.as_ref();
-        let verdict = deployment.and_then(|live| live.verification);
+        let verdict = deployment.and_then(|live| live.verification.as_ref());
         let so = [
             Some(Standing::of_state(view.state)),
             deployment.and_then(|live| Standing::of_deployment(live.state)),

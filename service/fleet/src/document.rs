@@ -4,7 +4,7 @@ use fleetcal_domain::robot::{CheckFinding, Mount};
 use fleetcal_estimator::Vehicle;
 use fleetcal_estimator::calibrator::Calibrator;
 use fleetcal_estimator::estimate::{self, Change, Estimate, ParameterEstimate, ParameterEstimates};
-use fleetcal_model::{Motions, Parameter, ParameterStatus, Pose2, RobotId};
+use fleetcal_model::{Motions, Parameter, ParameterStatus, Pose2, RobotId, SteeringTable};
 use fleetcal_proto::estimate::{
     self as document, CalibrationReport, ChangeDocument, EstimateDocument, ParameterDocument,
     Parameters, Timing, VehicleDocument,
@@ -20,6 +20,7 @@ pub fn estimate_document(robot: &RobotId, estimate: &Estimate) -> EstimateDocume
         parameters: parameters(&estimate.parameters),
         reassembly_open: estimate.reassembly_open,
         covariance: Some(estimate.covariance),
+        steering_table: Some(estimate.steering_table.clone()),
         detection: Some(estimate.detection),
         consistency: estimate.consistency,
         counts: estimate.counts,
@@ -81,6 +82,7 @@ pub fn report(robot: &RobotId, calibrator: &Calibrator, timing: Timing) -> Calib
         parameters: parameters(&estimate.parameters),
         covariance: estimate.covariance,
         sigma_terms: calibrator.sigma_terms(),
+        steering_table: estimate.steering_table,
         detection: estimate.detection,
         consistency: estimate.consistency,
         events: calibrator.changes().iter().map(change_document).collect(),
@@ -112,6 +114,9 @@ pub fn give_way(document: &mut EstimateDocument, finding: &CheckFinding) {
             parameter.needs = Some(needs.clone());
         }
     }
+    if let Some(table) = document.steering_table.as_mut() {
+        *table = SteeringTable::not_known(Some(needs));
+    }
 }
 
 /// True if every number of a document is finite. JSON has only finite numbers, and a filter with
@@ -122,6 +127,10 @@ pub fn is_finite(document: &EstimateDocument) -> bool {
         && document
             .covariance
             .is_none_or(|covariance| covariance.is_finite())
+        && document
+            .steering_table
+            .as_ref()
+            .is_none_or(SteeringTable::is_sound)
         && document.consistency.is_finite()
         && document.distance_m.is_finite()
 }

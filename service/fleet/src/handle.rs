@@ -2,7 +2,9 @@
 
 mod cluster;
 mod descriptions;
+mod previews;
 mod recorded;
+mod refused;
 mod retired;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -28,7 +30,6 @@ use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::message_type::Form;
 use fleetcal_proto::progress::Progress;
 use prometheus_client::metrics::histogram::Histogram;
-use thiserror::Error;
 use tokio::sync::{broadcast, watch as watch_channel};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
@@ -39,10 +40,12 @@ use crate::live::LiveUpdate;
 use crate::mailbox::Message;
 use crate::notes::Noted;
 use crate::peers::PeerSessions;
+use crate::preview::Previews;
 use crate::registry::{Counts, Fleet, FleetCounters, Step, new_robot, scan_durations};
 use crate::robot::{Configured, Robot};
 use crate::senders::Origin;
 use crate::watch;
+pub use refused::FleetRefused;
 
 /// Form and origin of a message on arrival.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,38 +63,6 @@ impl<F: Into<Form>> From<F> for Arrived {
             origin: None,
         }
     }
-}
-
-/// Reason for which the fleet refused a request.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-pub enum FleetRefused {
-    /// The robot is unknown: it is unconfigured and has sent nothing.
-    #[error("no robot {0} is known")]
-    UnknownRobot(RobotId),
-    /// The robot is unregistered.
-    #[error("robot {0} is not registered, expected a robot with a vehicle")]
-    Unregistered(RobotId),
-    /// The robot is retired.
-    #[error("robot {0} is retired: bring it back first")]
-    Retired(RobotId),
-    /// Another instance estimates the robot, or none does at this moment.
-    #[error("robot {0} is not estimated by this instance")]
-    Elsewhere(RobotId),
-    /// The fleet is full.
-    #[error("{} robots are configured, which is the limit", limits::ROBOTS_MAX)]
-    RobotsMax,
-    /// The robot's estimator is stopped after too many faults.
-    #[error(
-        "the estimator of robot {0} is stopped, expected one that runs: restart the service, and \
-         the estimator goes on from its last stored state"
-    )]
-    Stopped(RobotId),
-    /// Too many notes wait for the robot.
-    #[error("robot {0} has {max} notes that wait", max = limits::MAILBOX_NOTES_MAX)]
-    NotesMax(RobotId),
-    /// Too many requests for the robot's top view wait.
-    #[error("{max} others wait for the top view of robot {0}", max = limits::TOP_VIEW_ASKERS_MAX)]
-    TopViewAskersMax(RobotId),
 }
 
 /// Parts and stored state that a fleet starts with.
@@ -153,6 +124,7 @@ impl FleetHandle {
             live,
             counts: Counts::default(),
             descriptions: Descriptions::default(),
+            previews: Previews::default(),
             peers: PeerSessions::default(),
             scan_durations: scan_durations(),
             scan_latencies: scan_durations(),
@@ -242,7 +214,8 @@ impl FleetHandle {
         } else {
             robot.mailbox.wake();
         }
-        self.fleet.configured.send_modify(|changes| *changes += 1);
+        self.fleet.previews.end(id);
+        self.fleet.configuration_changed();
         Ok(configured)
     }
 
@@ -470,17 +443,21 @@ impl FleetHandle {
             let name = stream.name();
             let reason = format!("{name}: got {bytes} bytes, expected {limit} at most");
             robot.mailbox.refuse(stream, &reason);
-        } else if !robot.is_configured() && !robot.is_awaited() {
-            robot.mailbox.ignore(stream);
         } else {
             let Arrived { form, origin } = arrived.into();
-            robot.mailbox.push(Message {
+            let message = || Message {
                 stream,
                 form,
                 origin,
                 arrived_ns: self.fleet.clock.now(),
                 payload: payload(),
-            });
+            };
+            if robot.is_configured() || robot.is_awaited() {
+                robot.mailbox.push(message());
+            } else {
+                robot.mailbox.ignore(stream);
+                self.fleet.previews.keep(id, stream, message);
+            }
         }
     }
 

@@ -22,6 +22,7 @@ use crate::left_out::LeftOutReason;
 use crate::live::LiveUpdate;
 use crate::mailbox::Message;
 use crate::peers::PeerSessions;
+use crate::preview::Previews;
 use crate::robot::Robot;
 
 /// Upper bounds of the histogram's buckets for a scan, s: a scan takes about a millisecond, and the
@@ -101,6 +102,8 @@ pub(crate) struct Fleet {
     pub(crate) counts: Counts,
     /// Descriptions that robots publish of themselves.
     pub(super) descriptions: Descriptions,
+    /// Previews of unregistered robots.
+    pub(crate) previews: Previews,
     /// The Zenoh sessions of all robots and others.
     pub(super) peers: PeerSessions,
     /// Durations of the estimators for a scan.
@@ -110,7 +113,7 @@ pub(crate) struct Fleet {
     pub(super) tasks: TaskTracker,
     /// Memory for the latest data of all robots, bytes.
     pub(crate) latest_data_bytes_max: AtomicUsize,
-    /// Counter of changes of robots' configurations.
+    /// Counter of changes of robots' configurations, and of those that are previewed.
     pub(super) configured: watch_channel::Sender<u64>,
     /// Membership: this process estimates all robots, or those that it adopts.
     pub(crate) membership: Membership,
@@ -189,6 +192,18 @@ impl Fleet {
             self.scan_durations.observe(took.as_secs_f64());
             let since_ns = self.clock.now().ns_since(message.arrived_ns);
             self.scan_latencies.observe(since_ns as f64 * 1e-9);
+        }
+    }
+
+    /// Signals a change of the robots' configurations, or of those that are previewed.
+    pub(crate) fn configuration_changed(&self) {
+        self.configured.send_modify(|changes| *changes += 1);
+    }
+
+    /// Drops the preview of a robot.
+    pub(crate) fn end_preview(&self, robot: &RobotId) {
+        if self.previews.end(robot) {
+            self.configuration_changed();
         }
     }
 

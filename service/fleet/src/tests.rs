@@ -13,7 +13,10 @@ use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::event::RobotEvent;
-use fleetcal_proto::ros::{AckermannDrive, AckermannDriveStamped, Header, RosMessage, Time};
+use fleetcal_proto::ros::{
+    AckermannDrive, AckermannDriveStamped, DynamicJointState, Header, InterfaceValue, RosMessage,
+    Time,
+};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -29,6 +32,7 @@ mod cluster;
 mod compensated;
 mod moves;
 mod notes;
+mod previews;
 mod restarts;
 mod senders;
 
@@ -283,9 +287,44 @@ async fn a_payload_that_is_too_large_is_refused_unread() {
         counters
             .last_refusal
             .unwrap()
-            .contains("4097 bytes, expected 4096")
+            .contains("16385 bytes, expected 16384")
     );
     assert_eq!(bench.fleet.counters().oversized, 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_hundred_joints_with_all_their_interfaces_are_taken() {
+    let config: RobotConfig = serde_json::from_str(
+        r#"{"model": "bicycle", "wheelbase_m": 1.2, "streams": {
+            "wheel_odometry": {"topic": "dynamic_joint_states", "type": "control_msgs/msg/DynamicJointState"},
+            "joints": {"steering": "joint_7_of_the_robot", "wheels": ["joint_8_of_the_robot"], "wheel_radius_m": 0.2}}}"#,
+    )
+    .unwrap();
+    let bench = bench_of(
+        BTreeMap::from([(id("a"), config)]),
+        BTreeMap::new(),
+        Calibrator::step,
+    );
+    let interfaces = InterfaceValue {
+        interface_names: ["position", "velocity", "effort"]
+            .map(str::to_owned)
+            .to_vec(),
+        values: vec![0.1, 5.0, 0.0],
+    };
+    let message = DynamicJointState {
+        header: Header {
+            stamp: Time::from_ns(BEGIN_NS).unwrap(),
+            frame_id: String::new(),
+        },
+        joint_names: (0..100)
+            .map(|number| format!("joint_{number}_of_the_robot"))
+            .collect(),
+        interface_values: vec![interfaces; 100],
+    };
+    bench.send("a", Stream::WheelOdometry, &message.to_cdr());
+    bench.worked_off("a").await;
+    let counters = bench.view("a").counters;
+    assert_eq!((counters.processed, counters.last_refusal), (1, None));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

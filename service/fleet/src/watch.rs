@@ -50,6 +50,9 @@ pub fn look(fleet: &Fleet, whole_second: bool) {
     let clock = &*fleet.clock;
     if whole_second {
         share_memory(fleet);
+        if fleet.previews.tick(clock.elapsed()) {
+            fleet.configuration_changed();
+        }
     }
     for robot in fleet.all() {
         if robot.session_just_ended(clock) {

@@ -2,6 +2,7 @@
 
 mod bulk;
 mod moments;
+mod preview;
 mod support;
 mod zenoh;
 
@@ -11,6 +12,7 @@ use fleetcal_model::Stream;
 
 pub use bulk::*;
 pub use moments::*;
+pub use preview::*;
 pub use support::*;
 pub use zenoh::*;
 
@@ -19,14 +21,13 @@ pub use zenoh::*;
 pub const ZENOH_MESSAGE_BYTES_MAX: usize = payload_bytes_max(Stream::Scan) + 64 * 1024;
 
 /// Largest accepted payload of a robot on one stream, in bytes. A full mailbox of the largest ones
-/// stays under 24 MiB; the largest scan is a cloud of 32,768 points of 48 bytes and some more.
+/// stays under 36 MiB; the largest scan is a cloud of 32,768 points of 48 bytes and some more.
 pub const fn payload_bytes_max(stream: Stream) -> usize {
     match stream {
-        // Joints and odometry are longer than a drive sample.
-        Stream::WheelOdometry | Stream::Steering | Stream::Speed => 4 * 1024,
         Stream::Scan => 2 * 1024 * 1024,
         Stream::LidarOdometry => 64 * 1024,
-        Stream::Event => 16 * 1024,
+        // A hundred joints with all their interfaces, of an arm on the robot too.
+        Stream::WheelOdometry | Stream::Steering | Stream::Speed | Stream::Event => 16 * 1024,
     }
 }
 

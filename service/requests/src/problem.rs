@@ -305,15 +305,23 @@ impl From<FleetRefused> for Problem {
             FleetRefused::Unregistered(_) => {
                 Self::new(StatusCode::CONFLICT, "robot_unregistered", detail)
             }
+            FleetRefused::Registered(_) => {
+                Self::new(StatusCode::CONFLICT, "robot_registered", detail)
+            }
             FleetRefused::Retired(_) => Self::new(StatusCode::CONFLICT, "robot_retired", detail),
             FleetRefused::RobotsMax => Self::new(StatusCode::CONFLICT, "fleet_full", detail),
             FleetRefused::Stopped(_) => {
                 Self::new(StatusCode::CONFLICT, "estimator_stopped", detail)
             }
+            FleetRefused::PreviewFailed(_) => {
+                Self::new(StatusCode::INTERNAL_SERVER_ERROR, "preview_failed", detail)
+            }
             FleetRefused::Elsewhere(_) => {
                 Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_elsewhere", detail)
             }
-            FleetRefused::NotesMax(_) | FleetRefused::TopViewAskersMax(_) => {
+            FleetRefused::NotesMax(_)
+            | FleetRefused::TopViewAskersMax(_)
+            | FleetRefused::PreviewsMax(_) => {
                 Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_busy", detail)
             }
         }

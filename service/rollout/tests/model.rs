@@ -1,5 +1,7 @@
 //! Roll-outs over a model of robots: which of them a roll-out touches.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use fleetcal_domain::access::{Actor, Authentication, Grant, Role};
 use fleetcal_domain::approval::{DeploymentState, ProposalState};
 use fleetcal_model::{DeploymentId, ProposalId, RevisionId, RobotId, RolloutId, Version, WallTime};
@@ -156,9 +158,12 @@ fn fifty(failing: usize, state: DeploymentState) -> Model {
         wave(Take::Share(0.4), 0.8, 0.1),
         wave(Take::Rest, 0.8, 0.1),
     ];
-    let fate = |number| match number < failing {
-        true => Fate(state, 3),
-        false => Fate(DeploymentState::Verified, 5),
+    let fate = |number| {
+        if number < failing {
+            Fate(state, 3)
+        } else {
+            Fate(DeploymentState::Verified, 5)
+        }
     };
     Model::new(&plan, (0..50).map(fate).collect())
 }
@@ -267,6 +272,8 @@ fn a_proposal_that_changed_since_is_left_out() {
 
 #[test]
 fn every_state_admits_some_events_and_refuses_the_others() {
+    use RolloutState as S;
+
     let events = [
         Event::Pause,
         Event::Resume(Vec::new()),
@@ -274,7 +281,6 @@ fn every_state_admits_some_events_and_refuses_the_others() {
         Event::BeginWave,
         Event::Finish,
     ];
-    use RolloutState as S;
     let table = [
         (
             S::Running,

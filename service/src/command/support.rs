@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use fleetcal_command::output::print_text;
 use fleetcal_operations::api_client::ApiClient;
 use fleetcal_proto::RobotId;
 use serde::Deserialize;
@@ -26,7 +27,7 @@ pub struct Arguments {
     /// Address of the service
     #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:8080")]
     pub url: String,
-    /// File with the API token of an operator; the variable FLEETCAL_TOKEN unless given
+    /// File with the API token of an operator; the variable `FLEETCAL_TOKEN` unless given
     #[arg(long, value_name = "FILE")]
     pub token_file: Option<PathBuf>,
     /// Certificates of the authorities to trust, PEM; the machine's unless given
@@ -67,7 +68,7 @@ pub async fn run(arguments: &Arguments) -> Result<(), CommandError> {
     let list: List = serde_json::from_slice(&document)
         .map_err(|error| CommandError::Support(error.to_string()))?;
     for Listed { name, bytes } in &list.files {
-        println!("{bytes:>12}  {name}");
+        print_text(&format!("{bytes:>12}  {name}\n"))?;
     }
     if arguments.list {
         return Ok(());
@@ -86,7 +87,7 @@ pub async fn run(arguments: &Arguments) -> Result<(), CommandError> {
         }
     };
     fs::rename(&part, &to).await?;
-    println!("{bytes:>12}  written to {}", to.display());
+    print_text(&format!("{bytes:>12}  written to {}\n", to.display()))?;
     Ok(())
 }
 

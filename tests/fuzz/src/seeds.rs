@@ -202,6 +202,7 @@ fn envelopes() -> Option<[Envelope; 4]> {
         values: CalibrationValues::default(),
         sigmas: CalibrationValues::default(),
         covariance: None,
+        steering_table: None,
         frame: CalibrationFrame::RearAxle,
         confirm_within_s: 600,
         rear_axle_in_base_link: None,

@@ -2,7 +2,7 @@
 
 mod graph;
 mod overlap;
-mod robot;
+pub mod robot;
 
 use std::time::Duration;
 

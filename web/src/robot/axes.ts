@@ -27,9 +27,25 @@ export function timeLabels(splits: number[], step_s: number): string[] {
   });
 }
 
+/** True for 1, 2 and 5 times a power of ten: the round values of a logarithmic axis. */
+function isRound(value: number): boolean {
+  const first = value / 10 ** Math.floor(Math.log10(value) + 1e-9);
+  return [1, 2, 5].some((round) => Math.abs(first - round) < 1e-6);
+}
+
 /** Returns the labels of a logarithmic axis; those that would touch others are null. */
 export function logLabels(splits: readonly (number | null)[]): string[] {
-  return splits.map((split) => (split === null ? '' : String(Number(split.toPrecision(3)))));
+  return splits.map((split) =>
+    split === null || !isRound(split) ? '' : String(Number(split.toPrecision(3))),
+  );
+}
+
+/** Returns the lines of a logarithmic grid: the powers of ten, and over few of them 2 and 5 too. */
+export function logLines(splits: readonly number[]): (number | null)[] {
+  const decades = Math.log10((splits.at(-1) ?? 1) / (splits[0] ?? 1));
+  const isLine = (value: number) =>
+    isRound(value) && (decades < 2 || Math.abs(Math.log10(value) % 1) < 1e-6);
+  return splits.map((split) => (isLine(split) ? split : null));
 }
 
 /** Returns the labels of a value axis, with as many decimals as its steps need. */

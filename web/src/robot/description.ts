@@ -18,6 +18,7 @@ export async function readDescription(robot: string): Promise<DescribedRobot | u
 
 const LABELS: Record<string, string> = {
   model: 'Steering',
+  speed_measured_at: 'Speed measured at',
   wheelbase_m: 'Wheelbase',
   track_m: 'Track',
   'streams.joints': 'Joints',

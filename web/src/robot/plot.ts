@@ -2,7 +2,7 @@
 
 import uPlot from 'uplot';
 import { colour } from '../ui/theme.svelte';
-import { AXIS_FONT, logLabels, PADDING, timeLabels, valueLabels } from './axes';
+import { AXIS_FONT, logLabels, logLines, PADDING, timeLabels, valueLabels } from './axes';
 import { type Columns, isolated, lonePlace } from './series';
 
 const AXIS_WIDTH = 58;
@@ -334,6 +334,9 @@ export function plot(
         ...axis,
         size: AXIS_WIDTH,
         space: 36,
+        ...(style.scale === 'log'
+          ? { grid: { ...axis.grid, filter: (_, splits) => logLines(splits) } }
+          : {}),
         values: (_, splits, __, ___, step) =>
           style.scale === 'log' ? logLabels(splits) : valueLabels(splits, step),
       },

@@ -1,5 +1,13 @@
 import { describe, expect, it } from 'vitest';
-import { firstChoice, jointsAsked, streamsOf, suited, type Topic } from './topics';
+import {
+  firstChoice,
+  jointsAsked,
+  overDescribed,
+  streamsOf,
+  suited,
+  type Topic,
+  withJoints,
+} from './topics';
 
 const topic = (name: string, type: string, ...suited_for: Topic['suited_for']): Topic => ({
   topic: name,
@@ -75,5 +83,31 @@ describe('topics', () => {
     expect(streamsOf(topics, { ...chosen, lidar: 'odom' })).toMatchObject({
       streams: { lidar_odometry: { topic: 'odom' } },
     });
+  });
+
+  it('have the joints that the robot describes, with their gears unless others are typed', () => {
+    const topics = [JOINTS, SCAN];
+    const joints = {
+      steering: 'steer',
+      steering_right: 'steer_right',
+      steering_gear: -1,
+      wheels: ['left', 'right'],
+      wheel_radius_m: 0.15,
+    };
+    const picked = (chosen = firstChoice(topics)) => {
+      const of = streamsOf(topics, chosen);
+      return of.ok ? overDescribed({ joints }, of.streams).joints : of.field;
+    };
+    expect(picked()).toBe('steering_joint');
+    const filled = withJoints(firstChoice(topics), joints);
+    expect(picked(filled)).toEqual(joints);
+    const other = { steering: 'lift', wheels: ['left', 'right'], wheel_radius_m: 0.15 };
+    expect(picked({ ...filled, steering_joint: 'lift' })).toEqual(other);
+    const typed = { ...firstChoice(topics), steering_joint: 'lift' };
+    expect(withJoints(typed, joints)).toMatchObject({
+      steering_joint: 'lift',
+      wheel_radius: '0.15',
+    });
+    expect(withJoints(typed, null)).toEqual(typed);
   });
 });

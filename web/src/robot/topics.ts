@@ -1,6 +1,6 @@
 /** Announced topics of a robot that carry the data for a calibration. */
 
-import type { AnnouncedTopic, MessageType } from '../api/types';
+import type { AnnouncedTopic, MessageType, RobotConfig } from '../api/types';
 
 /** A topic as announced to the service. */
 export type Topic = Pick<AnnouncedTopic, 'topic' | 'type' | 'suited_for'>;
@@ -27,6 +27,9 @@ export interface Streams {
   lidar_odometry?: TopicChoice;
   joints?: Joints;
 }
+
+/** Streams of a configuration that the service proposes. */
+type DescribedStreams = NonNullable<RobotConfig['streams']>;
 
 /** Choices and texts of a person, topics by name. */
 export interface Chosen {
@@ -133,4 +136,30 @@ export function streamsOf(topics: readonly Topic[], chosen: Chosen): Picked {
   }
   if (asked.steering || asked.wheels) streams.joints = joints;
   return { ok: true, streams };
+}
+
+/** Returns the entries with the joints that the robot's own description names; what is typed stays. */
+export function withJoints(chosen: Chosen, described: DescribedStreams['joints']): Chosen {
+  const { steering, wheels, wheel_radius_m } = described ?? {};
+  return {
+    ...chosen,
+    steering_joint: chosen.steering_joint || (steering ?? ''),
+    wheel_joints: chosen.wheel_joints || (wheels ?? []).join(', '),
+    wheel_radius: chosen.wheel_radius || (wheel_radius_m?.toString() ?? ''),
+  };
+}
+
+/**
+ * Returns the streams of a description with the chosen ones in their place. Joints that are chosen
+ * as they are described keep what only the description knows, such as their gears.
+ */
+export function overDescribed(
+  described: DescribedStreams | undefined,
+  picked: Streams,
+): DescribedStreams {
+  const [known, named] = [described?.joints, picked.joints];
+  const isSame = (key: keyof Joints) =>
+    named?.[key] === undefined || String(named[key]) === String(known?.[key]);
+  const all = (['steering', 'wheels', 'wheel_radius_m'] as const).every(isSame);
+  return { ...described, ...picked, ...(known && all ? { joints: known } : {}) };
 }

@@ -33,6 +33,8 @@ const ALIGN_MIN_S: f64 = 1.0;
 const MOTION_GAP_MAX_S: f64 = 1.0;
 /// Way over which a loss of LiDAR odometry may show in the motion, m.
 const LOST_OF_LATE_M: f64 = 60.0;
+/// Names of the vehicle's own frame.
+const VEHICLE_FRAMES: [&str; 3] = ["base_link", "base_footprint", "base"];
 /// Wait for a stream that does not come, s.
 const MISSING_AFTER_S: f64 = 10.0;
 
@@ -448,6 +450,7 @@ impl Checks {
         if !found.iter().any(|of| of.cause.spoils_motion()) {
             found.extend(self.poses.suspicions());
         }
+        found.extend(self.pose_frame());
         if let Some(turn) = self.wrap.turn() {
             let seen =
                 format!("angles run from 0 to {turn:.4}: those to the right come as nearly that");
@@ -472,6 +475,24 @@ impl Checks {
         found.sort_by_key(|of| of.cause.index());
         found.dedup_by_key(|of| of.cause);
         found
+    }
+
+    /// Poses that name the vehicle's frame, unless they move otherwise or are found to be the rear axle's.
+    fn pose_frame(&self) -> Option<Suspicion> {
+        let poses = self.of(&[Stream::LidarOdometry])?;
+        let is_vehicles = |frame: &&str| {
+            let name = frame.rsplit('/').next().unwrap_or_default();
+            VEHICLE_FRAMES.contains(&name)
+        };
+        let frame = poses.frames().find(is_vehicles)?;
+        let mount = self.motion.as_ref().and_then(|motion| motion.mount);
+        let is_elsewhere = mount.is_some_and(|mount| naming::is_off_centre(&mount));
+        let is_base = |finding: Finding| finding.cause == Some(Cause::BasePose);
+        if is_elsewhere || self.patience.named().any(is_base) {
+            return None;
+        }
+        let seen = format!("the poses are said to be of {frame}, and to be the LiDAR's");
+        Some(Suspicion::new(Cause::PoseFrame, seen))
     }
 
     fn missing(&self) -> Vec<Suspicion> {

@@ -1,6 +1,7 @@
 //! Streams that end, begin late or carry what is no number.
 
 use super::*;
+use crate::finding::State;
 
 const S_NS: i64 = 1_000_000_000;
 
@@ -102,6 +103,20 @@ fn a_pose_that_is_no_number_spoils_nothing() {
 /// Names what is wrong with a vehicle of a wheelbase of 1.2 m that drives bends to both sides,
 /// mostly backwards, with its steered wheel behind the fixed axle or before it.
 fn causes_of(model: VehicleModel, is_behind: bool) -> Vec<Cause> {
+    let lidar_in_base = Pose2::new(-0.3, 0.05, 0.02);
+    let named = driven(model, is_behind, &lidar_in_base, "lidar", 90);
+    named.into_iter().map(|(_, cause)| cause).collect()
+}
+
+/// Names what is wrong with that vehicle, its poses being of a frame at a place on it, after so many
+/// seconds.
+fn driven(
+    model: VehicleModel,
+    is_behind: bool,
+    lidar_in_base: &Pose2,
+    frame: &str,
+    lasts_s: i64,
+) -> Vec<(State, Cause)> {
     let mut checks = Checks::new(Described {
         model,
         speed_measured_at: SpeedMeasuredAt::RearAxle,
@@ -109,7 +124,7 @@ fn causes_of(model: VehicleModel, is_behind: bool) -> Vec<Cause> {
         nominal_yaw_rad: None,
     });
     let (mut x_m, mut y_m, mut yaw_rad) = (0.0_f64, 0.0_f64, 0.0_f64);
-    for tick in 0..9_000_i64 {
+    for tick in 0..100 * lasts_s {
         let time_s = tick as f64 * 0.01;
         let speed_mps = -0.9 + 0.3 * (time_s / 7.0).sin();
         let wheel_rad = 0.4 * (time_s / 2.5).sin();
@@ -123,7 +138,11 @@ fn causes_of(model: VehicleModel, is_behind: bool) -> Vec<Cause> {
         let head = |stream| Head {
             stream,
             stamp,
-            frame: "",
+            frame: if stream == Stream::LidarOdometry {
+                frame
+            } else {
+                ""
+            },
             arrival_ns: stamp.0,
         };
         if tick % 2 == 0 {
@@ -131,13 +150,31 @@ fn causes_of(model: VehicleModel, is_behind: bool) -> Vec<Cause> {
             checks.take_wheels(&head, Some(speed_mps), Some(wheel_rad));
         }
         if tick % 10 == 0 {
-            let lidar_in_base = Pose2::new(-0.3, 0.05, 0.02);
-            let pose = Pose2::new(x_m, y_m, yaw_rad).compose(&lidar_in_base);
+            let pose = Pose2::new(x_m, y_m, yaw_rad).compose(lidar_in_base);
             checks.take_pose(&head(Stream::LidarOdometry), pose, 0.0);
         }
     }
     let findings = checks.findings().into_iter();
-    findings.filter_map(|finding| finding.cause).collect()
+    let named = findings.filter_map(|finding| Some((finding.state, finding.cause?)));
+    named.collect()
+}
+
+#[test]
+fn poses_that_are_said_to_be_of_the_vehicle_are_doubted_until_they_move_otherwise() {
+    let named = |x_m, y_m, frame, lasts_s| {
+        let lidar_in_base = Pose2::new(x_m, y_m, 0.0);
+        driven(VehicleModel::Bicycle, false, &lidar_in_base, frame, lasts_s)
+    };
+    let doubted = [(State::Unsure, Cause::PoseFrame)];
+    assert_eq!(named(0.4, 0.0, "lidar", 90), []);
+    assert_eq!(named(0.4, 0.0, "base_link", 90), doubted);
+    assert_eq!(named(0.4, 0.0, "robot/base_footprint", 90), doubted);
+    // A LiDAR beside the middle line shows itself by its motion.
+    assert_eq!(named(0.4, 0.15, "base_link", 10), doubted);
+    assert_eq!(named(0.4, 0.15, "base_link", 90), []);
+    // The rear axle's own pose is certain.
+    let certain = [(State::Wrong, Cause::BasePose)];
+    assert_eq!(named(0.0, 0.0, "base_link", 90), certain);
 }
 
 #[test]

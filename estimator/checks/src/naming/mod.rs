@@ -27,9 +27,10 @@ pub(crate) struct Known {
     pub sends_poses: bool,
 }
 
-/// Returns the suspicions from the motion.
 pub(crate) use clocks::explanation;
+pub(crate) use speed::is_off_centre;
 
+/// Returns the suspicions from the motion.
 pub(crate) fn suspicions(motion: &Motion, known: &Known) -> Vec<Suspicion> {
     let mut found = Vec::new();
     let is_apart = clocks::suspicions(motion, known, &mut found);

@@ -142,6 +142,12 @@ fn of_base(mount: &Mount, known: &Known) -> Option<Suspicion> {
     Some(Suspicion::new(Cause::BasePose, seen))
 }
 
+/// Returns `true` if a mount is beside the vehicle's middle line or turned: there no frame of the vehicle is.
+pub(crate) fn is_off_centre(mount: &Mount) -> bool {
+    let is_off = mount.y_m.abs() > BASE_MAX || mount.yaw_rad.abs() > BASE_MAX;
+    is_off && mount.explained > EXPLAINED
+}
+
 fn unit(mount: &Mount) -> Option<String> {
     let scale = mount.scale;
     let off = |unit: f64| (scale / unit).ln().abs();

@@ -27,6 +27,12 @@ pub struct Cell {
 }
 
 impl Cell {
+    /// No cell that a point lies in.
+    pub const NOWHERE: Self = Self {
+        x: i32::MIN,
+        y: i32::MIN,
+    };
+
     /// Its place in its tile.
     #[inline]
     pub(super) fn slot(self) -> usize {

@@ -120,9 +120,7 @@ impl LineFitter {
                     points.add((offset.x as f32, offset.y as f32), (0.0, 0.0), 1.0, 0);
                 }
             }
-            let mut window = WindowMoments::default();
-            window.add(&points, 0.0, 0.0);
-            let line = window.line(&self.quality);
+            let line = WindowMoments::of(&points, 0.0, 0.0).line(&self.quality);
             line.exists().then_some(Line {
                 variance: self.variance_m2,
                 ..line

@@ -55,10 +55,7 @@ impl FreeSpace {
 
     #[inline]
     fn slot(&self, cell: Cell) -> Option<usize> {
-        let low = self.low?;
-        let (x, y) = (cell.x >> SCALE_SHIFT, cell.y >> SCALE_SHIFT);
-        let inside = (x - low.x) as u32 | (y - low.y) as u32;
-        (inside < GRID as u32).then_some(((y & (GRID - 1)) * GRID + (x & (GRID - 1))) as usize)
+        slot_of(self.low?, cell)
     }
 
     /// True if a return in this cell is a moving object's.
@@ -150,13 +147,15 @@ impl FreeSpace {
         let length = (range - before_return).min(RAY_MAX_M);
         let (ux, uy) = (dx / range * FREE_CELL, dy / range * FREE_CELL);
         let steps = (length / FREE_CELL) as i32;
+        let (Some(low), evidence) = (self.low, self.evidence.as_mut_slice()) else {
+            return;
+        };
         let (mut x, mut y) = from;
         for _ in 0..steps {
             x += ux;
             y += uy;
             let (cell, _, _) = origin.locate(x, y);
-            let Some(slot) = self.slot(cell) else { return };
-            let Some(e) = self.evidence.get_mut(slot) else {
+            let Some(e) = slot_of(low, cell).and_then(|slot| evidence.get_mut(slot)) else {
                 return;
             };
             if *e > EVIDENCE_MIN {
@@ -167,6 +166,14 @@ impl FreeSpace {
             }
         }
     }
+}
+
+/// The place of a cell of the map in a grid whose lowest cell is `low`.
+#[inline]
+fn slot_of(low: Cell, cell: Cell) -> Option<usize> {
+    let (x, y) = (cell.x >> SCALE_SHIFT, cell.y >> SCALE_SHIFT);
+    let inside = (x - low.x) as u32 | (y - low.y) as u32;
+    (inside < GRID as u32).then_some(((y & (GRID - 1)) * GRID + (x & (GRID - 1))) as usize)
 }
 
 fn is_known_free(known: &KnownMap, x: i32, y: i32) -> bool {

@@ -11,18 +11,19 @@ mod known_map;
 mod surfel;
 #[cfg(test)]
 mod tests;
+mod tile_cells;
 mod tiles;
 
-use std::ops::Range;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 pub use cell::{CELL_M, Cell, LocalOrigin};
 pub use free_space::{FreeSpace, RAY_STRIDE};
 pub use known_map::KnownMap;
-pub use surfel::{Fitted, Line, LineQuality, Moments, WindowMoments};
+pub use surfel::{Fitted, Line, LineQuality, WindowMoments};
 
 use cell::CELL;
-use tiles::{Neighbours, TilePool};
+use tiles::{Around, TilePool};
 
 /// Fewest points of a window of cells; of fewer, a wider window is used.
 const SPARSE_POINTS: f32 = 8.0;
@@ -32,9 +33,13 @@ const NEAR: usize = 3;
 /// and of the wider one.
 const WIDE: usize = 5;
 
-/// A window of three by three cells without one of its sides: columns and rows.
-const WITHOUT_A_SIDE: [(Range<usize>, Range<usize>); 4] =
-    [(0..2, 0..3), (1..3, 0..3), (0..3, 0..2), (0..3, 1..3)];
+/// A window of three by three cells without one of its sides: columns and rows from the middle.
+const WITHOUT_A_SIDE: [(RangeInclusive<i32>, RangeInclusive<i32>); 4] = [
+    (-1..=0, -1..=1),
+    (0..=1, -1..=1),
+    (-1..=1, -1..=0),
+    (-1..=1, 0..=1),
+];
 
 /// The map.
 #[derive(Debug, Clone)]
@@ -42,7 +47,6 @@ pub struct Submap {
     tiles: TilePool,
     known: Option<Arc<KnownMap>>,
     updates: u32,
-    to_fit: Vec<Cell>,
     quality: LineQuality,
     /// Quality that a line of one cell alone needs.
     quality_alone: LineQuality,
@@ -69,7 +73,6 @@ impl Default for Submap {
             tiles: TilePool::default(),
             known: None,
             updates: 0,
-            to_fit: Vec::new(),
             quality,
             quality_alone,
         }
@@ -103,7 +106,7 @@ impl Submap {
 
     /// Bytes held, without the known map, which robots share.
     pub fn memory_bytes(&self) -> usize {
-        self.tiles.memory_bytes() + self.to_fit.capacity() * size_of::<Cell>()
+        self.tiles.memory_bytes()
     }
 
     /// The line of a cell: the known one, else the one that was seen.
@@ -147,97 +150,24 @@ impl Submap {
         if self.known().is_some_and(|known| known.line(cell).exists()) {
             return;
         }
-        let update = self.updates as u16;
-        if let Some(moments) = self.tiles.moments_or_new(cell, self.updates)
-            && moments.add((x, y), direction, weight, update)
-        {
-            self.to_fit.push(cell);
-        }
-    }
-
-    /// Ends the update: fits the lines around every cell that changed.
-    pub fn end_update(&mut self) {
-        let mut changed = std::mem::take(&mut self.to_fit);
-        for &Cell { x, y } in &changed {
-            for dy in -1..=1 {
-                for dx in -1..=1 {
-                    self.refit(Cell {
-                        x: x + dx,
-                        y: y + dy,
-                    });
-                }
-            }
-        }
-        changed.clear();
-        self.to_fit = changed;
-    }
-
-    /// Fits a cell's line, once in an update.
-    fn refit(&mut self, cell: Cell) {
-        let Some(moments) = self.tiles.moments_mut(cell) else {
-            return;
-        };
-        if moments.last_fit == self.updates {
-            return;
-        }
-        moments.last_fit = self.updates;
-        let line = self.fit(cell);
-        self.tiles.set_line(cell, line);
+        self.tiles
+            .add(cell, (x, y), direction, weight, self.updates);
     }
 
     /// Forgets the points of a cell: a beam went through it.
     pub fn forget(&mut self, cell: Cell) {
-        if let Some(moments) = self.tiles.moments_mut(cell)
-            && moments.n > 0.0
-        {
-            *moments = Moments {
-                last_fit: moments.last_fit,
-                ..Moments::default()
-            };
-            self.to_fit.push(cell);
-        }
+        self.tiles.forget(cell);
     }
 
-    fn fit(&self, cell: Cell) -> Line {
-        let near = self.tiles.around::<NEAR>(cell);
-        let window = gathered(&near, 0..NEAR, 0..NEAR);
-        if window.count() < 0.5 {
-            return Line::NONE;
-        }
-        if let Some(whole) = window.fit(&self.quality) {
-            return self.without_corner(&near, &whole).unwrap_or(whole.line);
-        }
-        // Clutter or a corner: the cell alone may still show a line. Few points: a wider look may.
-        let is_sparse = window.count() < SPARSE_POINTS;
-        if is_sparse {
-            let wide = self.tiles.around::<WIDE>(cell);
-            gathered(&wide, 0..WIDE, 0..WIDE).line(&self.quality)
-        } else {
-            gathered(&near, 1..2, 1..2).line(&self.quality_alone)
-        }
-    }
-
-    /// The line through a window less the side on which another surface begins, where there is one:
-    /// without it the points scatter less across their line, and more so than by chance.
-    ///
-    /// Corners of boxes stick out, so that lines laid around them lie too far back, and a scan
-    /// compared with those looks too small. A rolling scan shows that as a motion to its side: its
-    /// turns came out displaced by 0.4 mm a radian.
-    fn without_corner(&self, near: &Neighbours<'_, NEAR>, whole: &Fitted) -> Option<Line> {
-        if whole.across_m2 < self.quality.noise_m2 {
-            return None;
-        }
-        let (mut best, mut least_m2) = (None, whole.across_m2);
-        for (columns, rows) in WITHOUT_A_SIDE {
-            let part = gathered(near, columns, rows);
-            if let Some(part) = part.fit(&self.quality)
-                && part.across_at_most_m2() < least_m2
-            {
-                least_m2 = part.across_at_most_m2();
-                best = Some(part.line);
-            }
-        }
-        best
+    /// Ends the update: fits the lines around every cell that changed.
+    pub fn end_update(&mut self) {
+        let Self {
+            tiles,
+            quality,
+            quality_alone,
+            ..
+        } = self;
+        tiles.fit_changed(|around, x, y| fit(around, x, y, quality, quality_alone));
     }
 
     /// Calls `visit` with each occupied cell at most `reach` cells from `centre` in x and y, and
@@ -250,21 +180,94 @@ impl Submap {
     }
 }
 
-/// The points in some columns and rows of cells around the middle one.
-#[inline]
-fn gathered<const EDGE: usize>(
-    around: &Neighbours<'_, EDGE>,
-    columns: Range<usize>,
-    rows: Range<usize>,
-) -> WindowMoments {
-    let from_middle_m = |index: usize| (index as f32 - (EDGE / 2) as f32) * CELL;
-    let mut window = WindowMoments::default();
-    for y in rows {
-        for x in columns.clone() {
-            if let Some(moments) = around[y][x] {
-                window.add(moments, from_middle_m(x), from_middle_m(y));
+/// The line of a cell, by its column and row in its tile.
+fn fit(
+    around: &Around<'_>,
+    x: i32,
+    y: i32,
+    quality: &LineQuality,
+    quality_alone: &LineQuality,
+) -> Line {
+    let mut near = [(0, 0, WindowMoments::default()); NEAR * NEAR];
+    let near = window(around, x, y, 1, &mut near);
+    let all = gathered(near, -1..=1, -1..=1);
+    if near.is_empty() || all.count() < 0.5 {
+        return Line::NONE;
+    }
+    if let Some(whole) = all.fit(quality) {
+        return without_corner(near, &whole, quality).unwrap_or(whole.line);
+    }
+    // Clutter or a corner: the cell alone may still show a line. Few points: a wider look may.
+    if all.count() < SPARSE_POINTS {
+        let mut wide = [(0, 0, WindowMoments::default()); WIDE * WIDE];
+        let wide = window(around, x, y, 2, &mut wide);
+        gathered(wide, -2..=2, -2..=2).line(quality)
+    } else {
+        gathered(near, 0..=0, 0..=0).line(quality_alone)
+    }
+}
+
+/// The line through a window less the side on which another surface begins, where there is one:
+/// without it the points scatter less across their line, and more so than by chance.
+///
+/// Corners of boxes stick out, so that lines laid around them lie too far back, and a scan
+/// compared with those looks too small. A rolling scan shows that as a motion to its side: its
+/// turns came out displaced by 0.4 mm a radian.
+fn without_corner(near: &[Near], whole: &Fitted, quality: &LineQuality) -> Option<Line> {
+    if whole.across_m2 < quality.noise_m2 {
+        return None;
+    }
+    let (mut best, mut least_m2) = (None, whole.across_m2);
+    for (columns, rows) in WITHOUT_A_SIDE {
+        let part = gathered(near, columns, rows);
+        if let Some(part) = part.fit(quality)
+            && part.across_at_most_m2() < least_m2
+        {
+            least_m2 = part.across_at_most_m2();
+            best = Some(part.line);
+        }
+    }
+    best
+}
+
+/// A cell of a window with points: its column and row from the middle, and the points about the middle's centre.
+type Near = (i32, i32, WindowMoments);
+
+/// The cells with points at most `reach` columns and rows from one, row by row.
+fn window<'a>(
+    around: &Around<'_>,
+    x: i32,
+    y: i32,
+    reach: i32,
+    cells: &'a mut [Near],
+) -> &'a [Near] {
+    let mut count = 0;
+    for row in -reach..=reach {
+        for column in -reach..=reach {
+            if let Some(moments) = around.points(x + column, y + row)
+                && let Some(cell) = cells.get_mut(count)
+            {
+                let moments = WindowMoments::of(moments, column as f32 * CELL, row as f32 * CELL);
+                *cell = (column, row, moments);
+                count += 1;
             }
         }
     }
-    window
+    cells.get(..count).unwrap_or_default()
+}
+
+/// The points in some columns and rows of a window.
+#[inline]
+fn gathered(
+    window: &[Near],
+    columns: RangeInclusive<i32>,
+    rows: RangeInclusive<i32>,
+) -> WindowMoments {
+    let mut sum = WindowMoments::default();
+    for (column, row, moments) in window {
+        if columns.contains(column) && rows.contains(row) {
+            sum.add(moments);
+        }
+    }
+    sum
 }

@@ -21,8 +21,6 @@ pub struct Moments {
     pub last_update: u16,
     /// Number of map updates that added points, saturating.
     pub sightings: u16,
-    /// The map update that fitted the line last.
-    pub last_fit: u32,
     /// Mean direction of the beams that saw the points, in parts of [`DIRECTION_ONE`].
     pub direction: [i16; 2],
 }
@@ -84,40 +82,46 @@ impl Moments {
     }
 }
 
-/// Sums of the moments of a window of cells, about the middle cell's centre.
+/// Sums of the moments of cells, about the middle cell's centre.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct WindowMoments {
-    n: f32,
-    sx: f32,
-    sy: f32,
-    sxx: f32,
-    sxy: f32,
-    syy: f32,
-    /// Sums of the directions.
-    dx: f32,
-    dy: f32,
+    /// Sums of 1, x, y, x², xy and y², and of the beams' directions x and y.
+    sums: [f32; 8],
     sightings: u16,
 }
 
 impl WindowMoments {
-    /// Adds the moments of a cell whose centre lies at (`ox`, `oy`) from the middle, m.
+    /// The moments of a cell whose centre lies at (`ox`, `oy`) from the middle, m.
     #[inline]
-    pub fn add(&mut self, cell: &Moments, ox: f32, oy: f32) {
-        self.n += cell.n;
-        self.sx += cell.sx + cell.n * ox;
-        self.sy += cell.sy + cell.n * oy;
-        self.sxx += cell.sxx + 2.0 * ox * cell.sx + cell.n * ox * ox;
-        self.sxy += cell.sxy + ox * cell.sy + oy * cell.sx + cell.n * ox * oy;
-        self.syy += cell.syy + 2.0 * oy * cell.sy + cell.n * oy * oy;
+    pub fn of(cell: &Moments, ox: f32, oy: f32) -> Self {
         let [dx, dy] = cell.direction.map(f32::from);
-        self.dx += cell.n * dx * (1.0 / DIRECTION_ONE);
-        self.dy += cell.n * dy * (1.0 / DIRECTION_ONE);
-        self.sightings = self.sightings.max(cell.sightings);
+        Self {
+            sums: [
+                cell.n,
+                cell.sx + cell.n * ox,
+                cell.sy + cell.n * oy,
+                cell.sxx + 2.0 * ox * cell.sx + cell.n * ox * ox,
+                cell.sxy + ox * cell.sy + oy * cell.sx + cell.n * ox * oy,
+                cell.syy + 2.0 * oy * cell.sy + cell.n * oy * oy,
+                cell.n * dx * (1.0 / DIRECTION_ONE),
+                cell.n * dy * (1.0 / DIRECTION_ONE),
+            ],
+            sightings: cell.sightings,
+        }
+    }
+
+    /// Adds others.
+    #[inline]
+    pub fn add(&mut self, other: &Self) {
+        for (sum, term) in self.sums.iter_mut().zip(other.sums) {
+            *sum += term;
+        }
+        self.sightings = self.sightings.max(other.sightings);
     }
 
     /// Number of points.
     pub fn count(&self) -> f32 {
-        self.n
+        self.sums[0]
     }
 
     /// The line through the points, or [`Line::NONE`] when they do not lie on one.
@@ -127,14 +131,15 @@ impl WindowMoments {
 
     /// The line through the points, where they lie on one, and how they scatter about it.
     pub fn fit(&self, quality: &LineQuality) -> Option<Fitted> {
-        if self.n < quality.points_min {
+        let [n, sx, sy, sxx, sxy, syy, dx, dy] = self.sums;
+        if n < quality.points_min {
             return None;
         }
-        let inverse_n = self.n.recip();
-        let (mx, my) = (self.sx * inverse_n, self.sy * inverse_n);
-        let cxx = self.sxx * inverse_n - mx * mx;
-        let cxy = self.sxy * inverse_n - mx * my;
-        let cyy = self.syy * inverse_n - my * my;
+        let inverse_n = n.recip();
+        let (mx, my) = (sx * inverse_n, sy * inverse_n);
+        let cxx = sxx * inverse_n - mx * mx;
+        let cxy = sxy * inverse_n - mx * my;
+        let cyy = syy * inverse_n - my * my;
         // Eigenvalues and the minor eigenvector of a symmetric 2×2 matrix.
         let half_trace = 0.5 * (cxx + cyy);
         let half_difference = 0.5 * (cxx - cyy);
@@ -169,12 +174,12 @@ impl WindowMoments {
             ny,
             d,
             variance,
-            cos: (nx * self.dx + ny * self.dy) * inverse_n,
+            cos: (nx * dx + ny * dy) * inverse_n,
         };
         Some(Fitted {
             line,
             across_m2: across,
-            points: self.n,
+            points: n,
         })
     }
 }
@@ -273,10 +278,8 @@ mod tests {
         for &(x, y) in points {
             cell.add((x, y), (1.0, 0.0), 1.0, 1);
         }
-        let mut window = WindowMoments::default();
         // Seen from a neighbour 0.1 m to the left.
-        window.add(&cell, 0.1, 0.0);
-        window
+        WindowMoments::of(&cell, 0.1, 0.0)
     }
 
     #[test]

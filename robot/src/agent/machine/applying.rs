@@ -113,6 +113,7 @@ impl Agent {
             applied_at_ns: now,
             values: Some(offer.values),
             rear_axle_in_base_link: offer.rear_axle_in_base_link,
+            steering_table: offer.steering_table,
         };
         let trial = Trial {
             until_ns: now.plus(seconds(offer.confirm_within_s)),

@@ -66,6 +66,7 @@ pub(super) fn document(generation: u64) -> CalibrationDocument {
         values: values(generation),
         sigmas: CalibrationValues::default(),
         covariance: None,
+        steering_table: None,
         frame: CalibrationFrame::RearAxle,
         confirm_within_s: 600,
         rear_axle_in_base_link: None,

@@ -20,6 +20,7 @@ fn offer(generation: u64) -> Offer {
         confirm_within_s: 600,
         values: values(generation),
         rear_axle_in_base_link: None,
+        steering_table: None,
         document: envelope.document,
     }
 }
@@ -68,6 +69,7 @@ async fn a_deadline_survives_a_restart_without_any_service() {
         applied_at_ns: RobotTime(START_NS),
         values: Some(values(1)),
         rear_axle_in_base_link: None,
+        steering_table: None,
     };
     let trial = Trial {
         until_ns: RobotTime(START_NS + SECOND_NS),

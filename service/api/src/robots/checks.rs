@@ -2,7 +2,7 @@
 
 use axum::Json;
 use axum::extract::State;
-use fleetcal_domain::robot::{CheckFinding, CheckedStream};
+use fleetcal_domain::robot::{CheckFinding, CheckedStream, ChecksReport};
 use fleetcal_proto::RobotId;
 use serde::Serialize;
 
@@ -27,6 +27,18 @@ pub(super) struct ChecksDocument {
     findings: Vec<CheckFinding>,
 }
 
+impl ChecksDocument {
+    pub(super) fn of(robot: RobotId, report: &ChecksReport) -> Self {
+        Self {
+            robot,
+            way_m: report.way_m,
+            resting: report.resting,
+            streams: report.streams.clone(),
+            findings: report.findings.clone(),
+        }
+    }
+}
+
 /// Returns the joining checks of a robot: what is wrong with its messages.
 #[utoipa::path(
     get,
@@ -46,11 +58,5 @@ pub(super) async fn get_checks(
     let Some(view) = api.fleet.robot(&id) else {
         return Err(Problem::robot_unknown(id.as_str()));
     };
-    Ok(Json(ChecksDocument {
-        robot: id,
-        way_m: view.checks.way_m,
-        resting: view.checks.resting,
-        streams: view.checks.streams.clone(),
-        findings: view.checks.findings.clone(),
-    }))
+    Ok(Json(ChecksDocument::of(id, &view.checks)))
 }

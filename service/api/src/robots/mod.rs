@@ -12,6 +12,7 @@ mod innovations;
 mod list;
 mod manoeuvres;
 mod moments;
+mod preview;
 mod recording;
 mod registration;
 mod retirement;
@@ -48,6 +49,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
             description::get_description,
             description::take_description
         ))
+        .routes(routes!(preview::preview_robot))
         .routes(routes!(estimate::get_estimate))
         .routes(routes!(history::get_history))
         .routes(routes!(innovations::get_innovations))

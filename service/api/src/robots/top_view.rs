@@ -88,7 +88,7 @@ impl TopViewPoint {
 }
 
 impl TopViewDocument {
-    fn of(view: &TopView) -> Self {
+    pub(super) fn of(view: &TopView) -> Self {
         let seen = view.surroundings.as_ref();
         let all = |points: &[[f64; 2]]| points.iter().copied().map(rounded).collect();
         Self {

@@ -57,7 +57,8 @@ pub(super) async fn plan(
         let (query, robot) = (queries.get(q), robots.get(id));
         query.is_some_and(|query| robot.is_some_and(|one| query.selects(&one.properties())))
     };
-    let split = split(waves, robots.keys().cloned().collect(), selects).map_err(refused)?;
+    let split =
+        split(waves, robots.keys().cloned().collect(), selects).map_err(|wrong| refused(&wrong))?;
     let member = |one: &PlannedRobot, wave| Member {
         robot: one.robot.clone(),
         wave,
@@ -115,7 +116,7 @@ async fn in_other_rollouts(api: &ApiState) -> Result<BTreeMap<ProposalId, Rollou
     Ok(taken)
 }
 
-fn refused(refused: PlanRefused) -> Problem {
+fn refused(refused: &PlanRefused) -> Problem {
     let field = match refused {
         PlanRefused::Nobody => "q",
         PlanRefused::Count { .. } | PlanRefused::Number { .. } | PlanRefused::LeftOver { .. } => {

@@ -17,6 +17,7 @@ mod moments;
 mod notes;
 mod permission;
 mod policy;
+mod preview;
 mod recording;
 mod robots;
 mod rollouts;

@@ -181,7 +181,8 @@ fn rollback_failed(situation: &Situation<'_>) -> Seen {
 fn verification_failed(situation: &Situation<'_>) -> Seen {
     use DeploymentState as S;
     let failed = situation.latest.filter(|latest| {
-        let disagrees = latest.verification.is_some_and(|verdict| !verdict.within);
+        let verdict = latest.verification.as_ref();
+        let disagrees = verdict.is_some_and(|verdict| !verdict.within);
         disagrees
             && matches!(
                 latest.state,
@@ -207,7 +208,8 @@ fn verification_failed(situation: &Situation<'_>) -> Seen {
         _ => "the robot still uses it".to_owned(),
     };
     let limits = situation.approval.verify_within.limits();
-    let residual = latest.verification.map(|verdict| verdict.residual);
+    let verdict = latest.verification.as_ref();
+    let residual = verdict.map(|verdict| verdict.residual);
     let parts = residual.map(|residual| far_parts(&residual, None, &limits));
     Seen::Firing(format!(
         "deployment {} failed its verification ({}); {follows}",

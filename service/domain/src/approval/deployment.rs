@@ -186,7 +186,7 @@ pub struct RollBack {
 }
 
 /// Verdict of a verification estimate on the values in use.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Verification {
     /// Time of the verdict, ns since 1970, wall time.

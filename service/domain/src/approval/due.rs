@@ -264,7 +264,8 @@ fn verification_due(
     let judged = situation
         .verification
         .map(|verification| judge(&in_use.values, verification, policy, situation.now));
-    let failed_before = live.verification.is_some_and(|verdict| !verdict.within);
+    let verdict_before = live.verification.as_ref();
+    let failed_before = verdict_before.is_some_and(|verdict| !verdict.within);
     if let Some(Verdict::Known(verification)) = judged
         && (verification.within || !failed_before)
     {

@@ -1,6 +1,8 @@
 //! Revision of a calibration, kept for ever.
 
-use fleetcal_model::{CalibrationCovariance, Motions, Pose2, RevisionId, RobotTime, WallTime};
+use fleetcal_model::{
+    CalibrationCovariance, Motions, Pose2, RevisionId, RobotTime, SteeringTable, WallTime,
+};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -22,7 +24,7 @@ pub enum Origin {
 }
 
 /// Evidence for a revision. Empty for values that were not measured here.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Evidence {
     /// Message time of the first datum, ns since 1970.
@@ -46,6 +48,9 @@ pub struct Evidence {
     /// Distance in each kind of motion; absent in evidence of older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motions: Option<Motions>,
+    /// Curve of the steering where it was known; absent in evidence of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering_table: Option<SteeringTable>,
 }
 
 impl Evidence {
@@ -62,6 +67,11 @@ impl Evidence {
             nis_dof: estimate.consistency.nis_dof,
             covariance: estimate.covariance,
             motions: estimate.motions,
+            steering_table: estimate
+                .steering_table
+                .as_ref()
+                .and_then(SteeringTable::known)
+                .cloned(),
         }
     }
 }

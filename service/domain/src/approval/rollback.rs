@@ -145,6 +145,7 @@ impl Draft<'_> {
             values: named.values,
             sigmas: named.sigmas,
             covariance: named.evidence.covariance,
+            steering_table: named.evidence.steering_table.clone(),
             frame: CalibrationFrame::RearAxle,
             confirm_within_s: self.standing.policy.confirm_within_s,
             rear_axle_in_base_link: rear_axle,

@@ -146,7 +146,7 @@ impl Draft<'_> {
     fn judge(&mut self, id: DeploymentId, verification: &Verification) -> Result<(), Refused> {
         let before = self.underway(id)?;
         let mut live = before.clone();
-        live.verification = Some(*verification);
+        live.verification = Some(verification.clone());
         if verification.within {
             live.reason = None;
             let event = DeploymentEvent::Verified;

@@ -1,6 +1,7 @@
 //! Configuration that a robot's own description implies.
 
 use fleetcal_description::{LidarMount, Proposal, Underivable};
+use fleetcal_estimator::vehicle::SpeedMeasuredAt;
 use fleetcal_estimator::{Pose2, VehicleModel};
 use fleetcal_proto::description::{DescribedValue, DescriptionDocument};
 use serde::Serialize;
@@ -21,6 +22,8 @@ const POSES_APART_RAD: f64 = 0.017_5;
 pub struct DescribedConfig {
     /// Steering of the vehicle.
     pub model: Option<VehicleModel>,
+    /// Place of the speed measurement, where it is not that of the model.
+    pub speed_measured_at: Option<SpeedMeasuredAt>,
     /// Distance between the axles.
     pub wheelbase_m: Option<Wheelbase>,
     /// Joints that steer and drive.
@@ -51,7 +54,11 @@ impl DescribedConfig {
         };
         if let Some((layout, source)) = own.derived(&proposal.layout) {
             own.model = Some(layout.model());
-            own.add("model", layout.model(), source);
+            own.add("model", layout.model(), source.clone());
+            if let Some(place) = layout.speed_measured_at() {
+                own.speed_measured_at = Some(place);
+                own.add("speed_measured_at", place, source);
+            }
         }
         if let Some((metres, source)) = own.derived(&proposal.wheelbase_m) {
             let metres = in_digits(metres);
@@ -167,6 +174,7 @@ impl DescribedConfig {
 
     /// Fills the parts of a configuration that nothing else gives.
     pub fn fill(&self, config: &mut RobotConfig) {
+        config.speed_measured_at = config.speed_measured_at.or(self.speed_measured_at);
         config.nominal_extrinsics = config.nominal_extrinsics.or(self.nominal_extrinsics);
         config.rear_axle_in_base_link = config
             .rear_axle_in_base_link
@@ -195,6 +203,9 @@ impl DescribedConfig {
         };
         let before = config.clone();
         let is_apart = |key| matches!(self.comparison(key, &before), Comparison::Apart);
+        if is_apart("speed_measured_at") {
+            config.speed_measured_at = None;
+        }
         if is_apart("nominal_extrinsics") {
             config.nominal_extrinsics = None;
         }
@@ -260,6 +271,10 @@ impl DescribedConfig {
     fn comparison(&self, key: &str, config: &RobotConfig) -> Comparison {
         match key {
             "model" => Comparison::of(Some(&config.model), self.model.as_ref(), |_, _| false),
+            "speed_measured_at" => {
+                let (own, described) = (&config.speed_measured_at, &self.speed_measured_at);
+                Comparison::of(own.as_ref(), described.as_ref(), |_, _| false)
+            }
             "wheelbase_m" => {
                 let near = |one: &Wheelbase, other: &Wheelbase| {
                     lengths_agree(one.metres(), other.metres())
@@ -299,6 +314,7 @@ fn set_joints(config: &mut RobotConfig, joints: &Joints) {
 fn configured(key: &str, config: &RobotConfig) -> Option<Value> {
     match key {
         "model" => Some(json!(config.model)),
+        "speed_measured_at" => config.speed_measured_at.map(|place| json!(place)),
         "wheelbase_m" => Some(json!(config.wheelbase_m)),
         "streams.joints" => config.streams.joints().map(|joints| json!(joints)),
         "nominal_extrinsics" => config.nominal_extrinsics.map(|mount| json!(mount)),
@@ -451,6 +467,26 @@ mod tests {
                 .iter()
                 .any(|of| of.starts_with("wheelbase_m"))
         );
+    }
+
+    #[test]
+    fn a_driven_wheel_behind_the_fixed_ones_is_rear_steered_with_its_own_speed() {
+        let urdf = TRICYCLE.replace("xyz=\"0.7 0 -0.3\"", "xyz=\"-2.3 0 -0.3\"");
+        let by_itself = described(&urdf, None);
+        let config = by_itself.config().unwrap();
+        assert_eq!(config.model, VehicleModel::RearSteered);
+        let at_wheel = Some(SpeedMeasuredAt::SteeredWheel);
+        assert_eq!(config.speed_measured_at, at_wheel);
+        assert!(config.streams.joints().unwrap().steering_gear > 0.0);
+        // A configuration of the former proposal, and one that contradicts it.
+        let mut former = config.clone();
+        former.model = VehicleModel::Tricycle;
+        former.speed_measured_at = Some(SpeedMeasuredAt::RearAxle);
+        let document = by_itself.document(Vec::new(), Some(&former));
+        let contradicted = document.values.iter().filter(|value| value.contradicted);
+        let keys: Vec<&str> = contradicted.map(|value| value.key.as_str()).collect();
+        assert_eq!(keys, ["model", "speed_measured_at"]);
+        assert_eq!(by_itself.over(Some(former)), Some(config));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! is approved, and see that topic in their graph.
 
 use fleetcal_proto::message_type::MessageType;
-use fleetcal_proto::ros2_key::{TOKENS_OF_BRIDGE, TOKENS_OF_RMW};
+use fleetcal_proto::ros2_key::{TOKENS_OF_BRIDGE, TOKENS_OF_RMW, typed_expressions};
 use serde_json::Value;
 
 use super::routes::RouteTable;
@@ -17,8 +17,8 @@ pub fn rules(table: &RouteTable) -> Vec<Value> {
     let has_prefixes = !table.robot_expressions().is_empty();
     if !settings.rmw_zenoh.is_empty() || has_prefixes {
         // The type in a key says enough: a robot that registers later may use any topic.
-        let of_type = |of: MessageType| format!("**/{}/*", of.dds_type());
-        streams.extend(MessageType::ALL.into_iter().map(of_type));
+        let of_type = |of| typed_expressions("**", of);
+        streams.extend(MessageType::ALL.into_iter().flat_map(of_type));
         tokens.extend(TOKENS_OF_RMW.map(str::to_owned));
     }
     if !settings.bridge.is_empty() || has_prefixes {
@@ -43,32 +43,6 @@ pub fn rules(table: &RouteTable) -> Vec<Value> {
         "egress",
         &["declare_liveliness_subscriber"],
         &tokens,
-    );
-    let described = description::expressions();
-    let earlier = description::history_expressions();
-    add(
-        "ros2_descriptions",
-        "ingress",
-        &["put", "reply"],
-        &described,
-    );
-    add(
-        "ros2_descriptions_wanted",
-        "egress",
-        &["declare_subscriber"],
-        &described,
-    );
-    add(
-        "ros2_earlier_descriptions",
-        "ingress",
-        &["declare_queryable"],
-        &earlier,
-    );
-    add(
-        "ros2_earlier_descriptions_wanted",
-        "egress",
-        &["query"],
-        &earlier,
     );
     if settings.publish_calibration {
         let results = calibration::expressions(table);
@@ -96,5 +70,38 @@ pub fn rules(table: &RouteTable) -> Vec<Value> {
             add("ros2_graph", "egress", &["liveliness_token", "reply"], &own);
         }
     }
+    rules.extend(of_descriptions());
     rules
+}
+
+/// Rules of descriptions: robots publish them, or answer with those that were published before.
+fn of_descriptions() -> [Value; 4] {
+    let described = description::expressions();
+    let earlier = description::history_expressions();
+    [
+        rule(
+            "ros2_descriptions",
+            "ingress",
+            &["put", "reply"],
+            &described,
+        ),
+        rule(
+            "ros2_descriptions_wanted",
+            "egress",
+            &["declare_subscriber"],
+            &described,
+        ),
+        rule(
+            "ros2_earlier_descriptions",
+            "ingress",
+            &["declare_queryable"],
+            &earlier,
+        ),
+        rule(
+            "ros2_earlier_descriptions_wanted",
+            "egress",
+            &["query"],
+            &earlier,
+        ),
+    ]
 }

@@ -1,8 +1,8 @@
 //! ROS 2 robots that run none of our software: `rmw_zenoh`, and `zenoh-bridge-ros2dds`.
 //!
 //! Which keys are theirs follows from `[ros2]` and from each robot's `streams`, so the
-//! subscriptions move with the robots that are registered. What robots announce by liveliness
-//! tokens is shown before anybody has registered them.
+//! subscriptions move with the robots that are registered or previewed. What robots announce by
+//! liveliness tokens is shown before anybody has registered them.
 
 pub mod access;
 pub mod calibration;
@@ -374,7 +374,9 @@ fn warn_if_refused(undeclared: Result<()>) {
 impl Ros2 {
     /// Reads the robots' topics again, and assigns the announced ones again.
     fn robots_changed(&self, heard: Option<BTreeSet<RobotId>>) {
-        let robots = self.shared.fleet.streams();
+        let fleet = &self.shared.fleet;
+        let mut robots = fleet.streams();
+        robots.extend(fleet.previewed_streams());
         self.change_table(|table| {
             table.set_robots(robots);
             table.set_heard(heard);

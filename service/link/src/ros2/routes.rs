@@ -10,7 +10,9 @@ use fleetcal_model::Stream;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::key::KeyRoot;
 use fleetcal_proto::message_type::MessageType;
-use fleetcal_proto::ros2_key::{KeyLayout, KeyTemplate, Matched, TopicKey, typed_expression};
+use fleetcal_proto::ros2_key::{
+    KeyLayout, KeyTemplate, Matched, TopicKey, typed_expression, typed_expressions,
+};
 
 /// Robot, stream and type of a message by its key.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -175,10 +177,10 @@ impl RouteTable {
                 template.path_expression(own, matched.topic)
             }
         };
-        let (expression, message_type) = if key.type_name.is_some() {
+        let (expression, message_type) = if let Some(type_name) = key.type_name {
             let suits = |of: &MessageType| MessageType::of_stream(role.stream).contains(of);
             let of = key.message_type().filter(suits)?;
-            (typed_expression(&path, of), Some(of))
+            (typed_expression(&path, type_name), Some(of))
         } else {
             (path, self.announced.get(key.path).copied())
         };
@@ -353,7 +355,7 @@ impl RouteTable {
             for template in &self.settings.rmw_zenoh {
                 let path = template.path_expression(robot, topic);
                 let types = MessageType::of_stream(role.stream).iter();
-                all.extend(types.map(|&of| typed_expression(&path, of)));
+                all.extend(types.flat_map(|&of| typed_expressions(&path, of)));
             }
             let bridge = self.settings.bridge.iter();
             all.extend(bridge.map(|template| template.path_expression(robot, topic)));
@@ -367,7 +369,7 @@ fn expressions_under(prefix: &str, roles: &[TopicRole]) -> BTreeSet<String> {
     for role in roles {
         let path = format!("{prefix}/{}", role.topic.as_str());
         let types = MessageType::of_stream(role.stream).iter();
-        all.extend(types.map(|&of| typed_expression(&path, of)));
+        all.extend(types.flat_map(|&of| typed_expressions(&path, of)));
         all.insert(path);
     }
     all

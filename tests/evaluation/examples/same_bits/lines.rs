@@ -83,7 +83,7 @@ impl Lines {
             trajectory_points_max: 200,
         });
         let scanner = self.calibrator.scanner();
-        let excitation = *self.calibrator.excitation();
+        let excitation = self.calibrator.excitation().clone();
         self.line(format_args!("{scanner:?}"));
         self.line(format_args!("{excitation:?}"));
         self.line(format_args!("{view:?}"));

@@ -50,6 +50,7 @@ pub(super) fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
             steering_gain: parameter(Parameter::SteeringGain),
         },
         covariance: None,
+        steering_table: None,
         reassembly_open: false,
         detection: None,
         consistency: Consistency::default(),
@@ -155,7 +156,7 @@ impl Bench {
         verification: bool,
     ) -> Option<&'static str> {
         let command = self.due(Some(estimate), verification)?;
-        let name = match command {
+        let name = match &command {
             Command::Propose { .. } => "propose",
             Command::Supersede { .. } => "supersede",
             Command::Refresh { .. } => "refresh",

@@ -1,6 +1,8 @@
 //! Commands that time or a new estimate makes due.
 
-use fleetcal_model::{Generation, Pose2, RobotTime, WallTime};
+use fleetcal_model::{
+    Generation, Pose2, RobotTime, SteeringPoint, SteeringTable, SteeringTableStatus, WallTime,
+};
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 
 use super::bench::{Bench, NOW_NS, estimate, factory};
@@ -228,6 +230,33 @@ fn what_was_rejected_is_not_proposed_again() {
     bench.take(reject, &Actor::service());
     assert_eq!(bench.do_due(&estimate(0.05, 1), false), None);
     assert_eq!(bench.do_due(&estimate(0.06, 2), false), Some("propose"));
+}
+
+#[test]
+fn the_curve_of_an_approved_estimate_is_signed_beside_the_same_values() {
+    let signed_with = |steering_table: Option<SteeringTable>| {
+        let mut bench = Bench::new();
+        let mut estimate = estimate(0.05, 0);
+        estimate.steering_table = steering_table;
+        bench.do_due(&estimate, false);
+        bench.approve();
+        bench.signed.unwrap()
+    };
+    let table = SteeringTable {
+        status: SteeringTableStatus::Informative,
+        needs: None,
+        points: vec![SteeringPoint {
+            measured_rad: 0.05,
+            true_rad: 0.0,
+            sigma_rad: 0.000_2,
+        }],
+    };
+    let without = signed_with(None);
+    let with = signed_with(Some(table.clone()));
+    assert_eq!(with.steering_table, Some(table));
+    assert_eq!((with.values, with.sigmas), (without.values, without.sigmas));
+    let unknown = SteeringTable::not_known(Some("turns to both sides".to_owned()));
+    assert_eq!(signed_with(Some(unknown)).steering_table, None);
 }
 
 #[test]

@@ -171,7 +171,7 @@ async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
     let latest = bench.latest().await;
     assert_eq!(latest.state, DeploymentState::Kept);
     assert!(
-        !latest.verification.unwrap().within,
+        !latest.verification.as_ref().unwrap().within,
         "the estimate disagrees"
     );
     let asked = latest.roll_back.unwrap();
@@ -206,7 +206,7 @@ async fn values_of_a_lidar_far_from_the_axle_are_verified() {
     driver.metres(&bench, 90.0).await;
     let latest = bench.latest().await;
     assert_eq!(latest.state, DeploymentState::Verified);
-    let [_, sigma_x_m, ..] = latest.verification.unwrap().sigma;
+    let [_, sigma_x_m, ..] = latest.verification.as_ref().unwrap().sigma;
     assert!((1e-4..5e-3).contains(&sigma_x_m), "{sigma_x_m}");
 }
 
@@ -233,7 +233,7 @@ async fn a_robot_is_verified_whatever_its_message_clock_shows() {
         driver.metres(&bench, 90.0).await;
         let latest = bench.latest().await;
         assert_eq!(latest.state, DeploymentState::Verified, "{start_ns}");
-        let driven_m = latest.verification.unwrap().distance_m;
+        let driven_m = latest.verification.as_ref().unwrap().distance_m;
         assert!(
             driven_m <= driver.distance_m - before_m,
             "what was driven before counts: {driven_m} m"

@@ -62,7 +62,7 @@ async fn a_verification_run_goes_on() {
     driver.metres(&bench, 40.0).await;
     let latest = bench.latest().await;
     assert_eq!(latest.state, DeploymentState::Verified);
-    let driven_m = latest.verification.unwrap().distance_m;
+    let driven_m = latest.verification.as_ref().unwrap().distance_m;
     assert!((60.0..=90.0).contains(&driven_m), "{driven_m} m");
 }
 
