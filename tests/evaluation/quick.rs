@@ -8,6 +8,7 @@ use fleetcal_estimator::{Status, Vehicle};
 use fleetcal_evaluation::Evaluation;
 use fleetcal_evaluation::drive::{FOUR, Robot, drive, error_of};
 use fleetcal_evaluation::extent::Extent;
+use fleetcal_evaluation::stuck::robots;
 use fleetcal_evaluation::study::recording::Source;
 use fleetcal_robot::fleet::{SimulatedRobot, simulated_robots};
 
@@ -80,5 +81,21 @@ fn every_robot_of_the_demo_is_known_before_people_stop_waiting() {
         println!("{id}: known after {known_s} s, {:?}", driven.changes);
         assert!(known_s <= DEMO_KNOWN_S, "{id} at the end: {last:?}");
         assert!(driven.changes.is_empty(), "{id}: {:?}", driven.changes);
+    }
+}
+
+/// Robots of which a value stayed more than four of its sigmas off, unseen, while changes were judged on
+/// known values alone and no sigma held what recent windows contradict.
+const ONCE_STUCK: [u64; 10] = [9, 11, 18, 24, 27, 28, 30, 33, 36, 39];
+
+#[test]
+fn a_value_that_changed_before_it_was_known_is_flagged_or_inside_its_sigma() {
+    for seed in ONCE_STUCK {
+        let (name, changed) = robots::drive(seed, true).unwrap();
+        println!("{name}: {changed}");
+        assert!(!changed.is_stuck(), "{name}: {changed}");
+        let (name, unchanged) = robots::drive(seed, false).unwrap();
+        let is_right = unchanged.alarms + unchanged.false_claims == 0 && !unchanged.is_off();
+        assert!(is_right, "unchanged {name}: {unchanged}");
     }
 }

@@ -523,6 +523,7 @@ impl Calibrator {
             drive: &self.drive,
             excitation: &self.session.excitation,
             saw_start: !self.session.began_in_motion,
+            suspicion: self.watch.suspicion(),
         };
         Claim::of_filter(filter, &grounds)
     }

@@ -255,10 +255,15 @@ impl LongRunVariance {
         self.whole.blocks > SEE_BLOCKS
     }
 
+    /// True if blocks enough were counted that a change needs no more evidence for their small number.
+    pub fn has_shown_scatter(&self) -> bool {
+        self.whole.blocks > FEW_BLOCKS
+    }
+
     /// Factor of the evidence that a change needs because only few blocks have shown their scatter
     /// yet.
     pub fn caution(&self) -> f64 {
-        if self.whole.blocks > FEW_BLOCKS {
+        if self.has_shown_scatter() {
             1.0
         } else {
             FEW_BLOCKS_CAUTION
@@ -377,7 +382,7 @@ pub fn widened(covariance: &ParameterCovariance, widths: &Values) -> ParameterCo
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use nalgebra::Vector3;
 
     use super::*;
@@ -437,7 +442,7 @@ mod tests {
     }
 
     /// A window of unit variance whose motion errs along the track, by parameters that are all zero.
-    fn window(number: i64, jacobian: &ByParameters, error: f64) -> Window {
+    pub fn window(number: i64, jacobian: &ByParameters, error: f64) -> Window {
         let (residual, covariance) = (Vector3::new(error, 0.0, 0.0), Matrix3::identity());
         let innovation = Innovation {
             residual,

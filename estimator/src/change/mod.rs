@@ -11,6 +11,7 @@ pub mod fault;
 pub mod long_run;
 pub mod mean_pose;
 pub mod search;
+pub mod step;
 pub mod window;
 
 use std::collections::VecDeque;
@@ -19,7 +20,7 @@ use crate::drive_history::DriveHistory;
 use crate::estimate::{Cause, ChangeKind, Parameter};
 use crate::filter::follow::Follower;
 use crate::filter::relevance::Known;
-use crate::filter::{Filter, OdometryReading, Values};
+use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
 use crate::settings::EstimatorSettings;
 use crate::stream::RobotTime;
 use crate::vehicle::Vehicle;
@@ -28,7 +29,11 @@ use evidence::{CAUSES, HYPOTHESES, Thresholds};
 use fault::{Fault, FaultWatch};
 use long_run::LongRunVariance;
 use mean_pose::Way;
-use search::{Accusation, ONSET_WINDOWS, Reference, Search, expected_evidence, misfit, strongest};
+use search::{
+    Accusation, Candidate, ONSET_WINDOWS, Reference, Search, candidates, expected_evidence, misfit,
+    strongest,
+};
+use step::suspected;
 use window::{Window, WindowCutter, WindowEnd};
 
 /// Windows that are looked back over: some 25 m.
@@ -95,6 +100,8 @@ pub struct ChangeWatch {
     known_from: Option<usize>,
     /// Windows since the visibility of changes was checked.
     since_seen: usize,
+    /// Squares of the steps that the newest windows suggest beyond chance.
+    suspicion: Values,
 }
 
 impl ChangeWatch {
@@ -158,7 +165,12 @@ impl ChangeWatch {
         self.learn(filter.values());
         let claimed = self.long_run.scatter(&known.covariance).claim();
         self.visibility.know(&claimed, settings);
-        self.judge(settings)
+        self.suspicion = Values::zeros();
+        let detected = self.judge(settings);
+        if detected.is_some() {
+            self.suspicion = Values::zeros();
+        }
+        detected
     }
 
     fn remember(&mut self, complete: Option<(Window, Filter)>) {
@@ -182,10 +194,16 @@ impl ChangeWatch {
         }
     }
 
-    /// True if a change of this parameter would go unseen for more than a few metres; not during a
-    /// fault, in which nothing is withheld.
+    /// True if a change of this parameter would go unseen for more than a few metres. A fault shows
+    /// nothing, so that it withholds nothing more and believes nothing more.
     pub fn is_blind(&self, parameter: Parameter) -> bool {
-        !self.has_fault() && self.visibility.is_blind(parameter)
+        self.visibility.is_blind(parameter)
+    }
+
+    /// Squares of the steps of each parameter that the newest windows suggest beyond chance, and that
+    /// are not certain enough to be flagged.
+    pub fn suspicion(&self) -> &Values {
+        &self.suspicion
     }
 
     /// True during a fault: nothing may be learnt.
@@ -197,15 +215,10 @@ impl ChangeWatch {
     /// it.
     fn failed(&mut self, fault: Fault, lasted: usize, last: &WindowEnd, now: &Filter) -> Detected {
         // The last window is not remembered yet; the one before the first may be touched too.
-        let kept = self.remembered.len().saturating_sub(lasted);
-        let (begin, filter_before) = match self.remembered.get(kept) {
-            Some(first) => (first.window.begin, first.filter.clone()),
+        let (begin, filter_before) = match self.forget(lasted) {
+            Some(first) => (first.window.begin, first.filter),
             None => (last.lasts.0, now.clone()),
         };
-        self.remembered.truncate(kept);
-        self.known_from = self.known_from.filter(|from| *from < kept);
-        self.unlearnt = self.unlearnt.min(kept);
-        self.long_run.break_block();
         Detected {
             kind: ChangeKind::Fault,
             cause: fault.cause(),
@@ -215,10 +228,24 @@ impl ChangeWatch {
         }
     }
 
+    /// Forgets the last windows, so many, and returns the first of them. What was learnt of those before
+    /// stays learnt, and is not learnt once more.
+    fn forget(&mut self, lasted: usize) -> Option<Remembered> {
+        let forgotten = lasted.min(self.remembered.len());
+        let kept = self.remembered.len() - forgotten;
+        let first = self.remembered.drain(kept..).next();
+        self.suspicion = Values::zeros();
+        self.known_from = self.known_from.filter(|from| *from < kept);
+        self.unlearnt = self.unlearnt.saturating_sub(forgotten);
+        self.long_run.break_block();
+        first
+    }
+
     /// Learns the common error of settled windows. While the filter still learns, nothing can count
     /// as a change and all are settled.
     fn learn(&mut self, now: &Values) {
-        let may_be_judged = self.long_run.is_known() && self.visibility.knows_any();
+        let is_known = self.long_run.has_shown_scatter() || self.visibility.knows_any();
+        let may_be_judged = self.long_run.is_known() && is_known;
         let unsettled = match (may_be_judged, self.is_suspected) {
             (false, _) => 0,
             (true, false) => SETTLED_WINDOWS,
@@ -234,8 +261,12 @@ impl ChangeWatch {
     }
 
     /// The first window whose filter knew enough before it to be a reference: for every cause where
-    /// that leaves windows enough, else for one at least.
+    /// that leaves windows enough, else for one at least. Once the scatter is known every filter is a
+    /// reference: its covariance says how much it knew.
     fn reference_window(&mut self, settings: &EstimatorSettings) -> usize {
+        if self.long_run.has_shown_scatter() {
+            return 0;
+        }
         if let Some(from) = self.known_from {
             return from;
         }
@@ -250,6 +281,36 @@ impl ChangeWatch {
             return all;
         }
         windows.partition_point(|window| !knows(window).contains(&true))
+    }
+
+    /// The causes that are judged: those whose parameters are known, and all once the scatter is known.
+    fn judged_causes(
+        &self,
+        covariance: &ParameterCovariance,
+        settings: &EstimatorSettings,
+    ) -> [bool; CAUSES] {
+        if self.long_run.has_shown_scatter() {
+            [true; CAUSES]
+        } else {
+            known_causes(covariance, settings)
+        }
+    }
+
+    /// The steps that the windows suggest. A wild window says little of whether there is one, but all of
+    /// how large it is.
+    fn suspect(
+        &self,
+        begin: usize,
+        reference: &Reference,
+        search: Search,
+        found: &[Candidate],
+    ) -> Values {
+        let unlimited = Search {
+            window_chi2_max: f64::INFINITY,
+            ..search
+        };
+        let windows = self.remembered.range(begin..).map(|r| &r.window);
+        suspected(windows, reference, &unlimited, found)
     }
 
     /// Checks now and then whether changes would be seen, and whether they would be by the same
@@ -289,9 +350,9 @@ impl ChangeWatch {
         let oldest = &self.remembered.get(begin)?.filter;
         let known_before = self.long_run.known(oldest);
         let scatter = self.long_run.scatter(&known_before.covariance);
-        let covariance = scatter.claim();
-        let known = known_causes(&covariance, settings);
-        let reference = Reference::new(known_before.values, &covariance)?;
+        let judged = self.judged_causes(&scatter.claim(), settings);
+        // The scatter raises the thresholds, and is not in the reference as well.
+        let reference = Reference::new(known_before.values, &known_before.covariance)?;
         let without_scatter = Thresholds::for_false_alarm_hours(settings.false_alarm_hours);
         let raised = without_scatter.raised(&scatter.alarm_ratios(without_scatter.least()));
         let usual = without_scatter.limit_window(raised, scatter.window_ratio_max());
@@ -312,10 +373,12 @@ impl ChangeWatch {
             every_onset: false,
         };
         // 1. Has anything happened? No single wild window may say so.
-        let alarm = strongest(windows(), &reference, &search, &thresholds)?;
+        let limited = candidates(windows(), &reference, &search);
+        self.suspicion = self.suspect(begin, &reference, search, &limited);
+        let alarm = strongest(&limited, &thresholds)?;
         let evidence = alarm.margin + thresholds.values()[alarm.hypothesis];
         self.is_suspected = evidence > usual.values()[alarm.hypothesis];
-        if alarm.margin < 0.0 || !known[alarm.hypothesis] {
+        if alarm.margin < 0.0 || !judged[alarm.hypothesis] {
             return None;
         }
         let waited = self.remembered.len() - 1 - begin - alarm.onset;
@@ -328,11 +391,12 @@ impl ChangeWatch {
         // 2. What, and when?
         search.window_chi2_max = f64::INFINITY;
         search.every_onset = true;
-        let accusation = strongest(windows(), &reference, &search, &thresholds)?;
+        let every = candidates(windows(), &reference, &search);
+        let accusation = strongest(&every, &thresholds)?;
         let explained = accusation.margin > 0.0
             && misfit(windows(), &reference, &search, &accusation)
                 .is_some_and(|misfit| misfit < MISFIT_MAX);
-        if explained && known[accusation.hypothesis] {
+        if explained && judged[accusation.hypothesis] {
             return self.detected(begin, &accusation, false);
         }
         // Without a cause it takes twice the evidence: a model that does not quite fit is no change.
@@ -367,5 +431,52 @@ impl ChangeWatch {
             onset: (at.window.begin, last.window.end),
             filter_before: before.filter.clone(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::long_run::tests::window;
+    use super::*;
+    use crate::filter::constraint::ByParameters;
+    use crate::filter::prior::Prior;
+    use crate::vehicle::VehicleModel;
+    use window::Track;
+
+    #[test]
+    fn windows_before_a_fault_are_learnt_once() {
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let settings = EstimatorSettings::default();
+        let prior = Prior::cold(&vehicle, None, &settings);
+        let filter = Filter::new(vehicle, &settings, &prior);
+        let mut watch = ChangeWatch::default();
+        for number in 0..40 {
+            let window = window(number, &ByParameters::zeros(), 0.0);
+            watch.remember(Some((window, filter.clone())));
+        }
+        watch.unlearnt = 25;
+        let first = watch.forget(4).unwrap();
+        assert_eq!(first.window.begin, RobotTime(36));
+        assert_eq!((watch.remembered.len(), watch.unlearnt), (36, 21));
+        watch.forget(30);
+        assert_eq!((watch.remembered.len(), watch.unlearnt), (6, 0));
+    }
+
+    #[test]
+    fn a_fault_makes_no_value_known() {
+        let mut watch = ChangeWatch::default();
+        let unknown = ParameterCovariance::identity();
+        watch
+            .visibility
+            .know(&unknown, &EstimatorSettings::default());
+        let towed = Track {
+            moved_m: 1.0,
+            duration_s: 1.0,
+            ..Track::default()
+        };
+        for _ in 0..2 {
+            watch.faults.push(&towed, 1.0);
+        }
+        assert!(watch.has_fault() && watch.is_blind(Parameter::LidarYaw));
     }
 }

@@ -33,14 +33,14 @@ const WINDOWS_BEFORE_MIN: usize = 2;
 const MOVABLE: usize = 5;
 
 impl Evidence {
-    fn add(&mut self, term: &Term) {
+    pub(super) fn add(&mut self, term: &Term) {
         self.information += term.information;
         self.score += term.score;
         self.cost += term.cost;
     }
 
     /// Without the terms given.
-    fn without(&self, terms: &[Term]) -> Self {
+    pub(super) fn without(&self, terms: &[Term]) -> Self {
         let mut rest = self.clone();
         for term in terms {
             rest.information -= term.information;
@@ -52,9 +52,9 @@ impl Evidence {
 }
 
 /// One window's evidence around the reference, clipped.
-struct Term<'a> {
-    information: &'a Information,
-    score: Score,
+pub(super) struct Term<'a> {
+    pub(super) information: &'a Information,
+    pub(super) score: Score,
     cost: f64,
 }
 
@@ -84,7 +84,7 @@ pub struct Reference {
     /// Values.
     pub values: Values,
     /// Inverse of their covariance; parameters that are off are known exactly.
-    information: Information,
+    pub(super) information: Information,
 }
 
 impl Reference {
@@ -142,14 +142,9 @@ pub struct Search {
 }
 
 /// The strongest accusation over all onsets and causes.
-pub fn strongest<'a>(
-    windows: impl Iterator<Item = &'a Window>,
-    reference: &Reference,
-    search: &Search,
-    thresholds: &Thresholds,
-) -> Option<Accusation> {
+pub fn strongest(candidates: &[Candidate], thresholds: &Thresholds) -> Option<Accusation> {
     let mut best: Option<(f64, Accusation)> = None;
-    for candidate in candidates(windows, reference, search) {
+    for candidate in candidates {
         let ratios = candidate.ratios.iter().zip(&candidate.explained);
         let pairs = ratios.zip(thresholds.values());
         for (index, ((ratio, after), threshold)) in pairs.enumerate() {
@@ -211,7 +206,7 @@ pub fn candidates<'a>(
 
 /// The windows' evidence, and all of it with the reference's: in units of the noise as configured, and the
 /// reference's uncertainty with it.
-fn summed<'a>(
+pub(super) fn summed<'a>(
     windows: impl Iterator<Item = &'a Window>,
     reference: &Reference,
     search: &Search,

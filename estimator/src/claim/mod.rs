@@ -68,6 +68,8 @@ pub struct Grounds<'a> {
     pub excitation: &'a Excitation,
     /// True if the filter saw the robot start from rest.
     pub saw_start: bool,
+    /// Squares of the steps that recent windows suggest beyond chance.
+    pub suspicion: &'a Values,
 }
 
 /// Values that may be published, with the terms of their sigmas.
@@ -138,6 +140,10 @@ impl Claim {
         };
         let encoder = scattered.encoder_variance(filter, grounds.vehicle, every_imperfection);
         terms.extend(hidden(&known, &encoder, every_imperfection, grounds));
+        terms.push(Term {
+            source: SigmaSource::Contradicted,
+            widening: Widening::Variances(*grounds.suspicion),
+        });
         Self::folded(
             SigmaSource::Filter,
             (known.values, &known.covariance),

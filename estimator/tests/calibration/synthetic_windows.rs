@@ -173,8 +173,11 @@ impl NoiseWindows {
     /// True if the change test raises an alarm now.
     pub fn alarms(&self, thresholds: &Thresholds) -> bool {
         let reference = self.reference();
-        strongest(self.remembered.iter(), &reference, &SEARCH, thresholds)
-            .is_some_and(|accusation| accusation.margin >= 0.0)
+        strongest(
+            &candidates(self.remembered.iter(), &reference, &SEARCH),
+            thresholds,
+        )
+        .is_some_and(|accusation| accusation.margin >= 0.0)
     }
 }
 

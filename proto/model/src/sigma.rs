@@ -29,6 +29,8 @@ pub enum SigmaSource {
     Play,
     /// Lag, play and encoder steps together, by the probability that the robot has all of them.
     Compound,
+    /// Step that recent windows suggest beyond chance, and that is not certain enough to be flagged as a change.
+    Contradicted,
     /// Variances that no driving shows, as they were when the calibration was stored.
     Undriven,
     /// Systematic error that averaging does not remove, from the configuration.

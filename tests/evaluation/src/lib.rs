@@ -16,6 +16,7 @@ pub mod results;
 pub mod robots;
 pub mod scripted;
 pub mod statistics;
+pub mod stuck;
 pub mod study;
 
 use error::EvaluationError;

@@ -104,7 +104,10 @@ describe('topics', () => {
     const other = { steering: 'lift', wheels: ['left', 'right'], wheel_radius_m: 0.15 };
     expect(picked({ ...filled, steering_joint: 'lift' })).toEqual(other);
     const typed = { ...firstChoice(topics), steering_joint: 'lift' };
-    expect(withJoints(typed, joints)).toMatchObject({ steering_joint: 'lift', wheel_radius: '0.15' });
+    expect(withJoints(typed, joints)).toMatchObject({
+      steering_joint: 'lift',
+      wheel_radius: '0.15',
+    });
     expect(withJoints(typed, null)).toEqual(typed);
   });
 });

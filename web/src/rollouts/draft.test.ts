@@ -16,7 +16,8 @@ test('typed waves make a plan, and a plan makes them again', () => {
 
 test('the first wrong wave is named', () => {
   const [first, second, last] = firstWaves() as [never, never, never];
-  const wrong = (wave: object) => planOf([first, { ...(second as object), ...wave } as never, last]);
+  const wrong = (wave: object) =>
+    planOf([first, { ...(second as object), ...wave } as never, last]);
   expect(wrong({ value: '0' })).toBe('Wave 2: the share must be more than 0 and at most 100 %');
   expect(wrong({ take: 'robots', value: '1,5' })).toMatch(/number of robots/);
   expect(wrong({ take: 'q', value: ' ' })).toBe('Wave 2: a query is missing');

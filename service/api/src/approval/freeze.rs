@@ -3,11 +3,9 @@
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
+use fleetcal_documents::{FreezeBody, FreezeDocument};
 use fleetcal_domain::limits;
-use fleetcal_model::Version;
 use fleetcal_store::DeploymentFreeze;
-use jiff::Timestamp;
-use serde::{Deserialize, Serialize};
 
 use crate::ApiState;
 use crate::access::Caller;
@@ -15,22 +13,6 @@ use crate::etag::{expected_version, versioned_json};
 use crate::extract::{Body, NoParameters, Parameters, check_length};
 use crate::problem::Problem;
 use crate::time;
-
-/// Deployment freeze. Its `ETag` is `version`.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
-#[schema(as = DeploymentFreeze)]
-pub(super) struct FreezeDocument {
-    /// Version, incremented with every change.
-    version: Version,
-    /// True while no robot is sent a calibration that it does not use yet.
-    frozen: bool,
-    /// Person or tool that changed it last.
-    by: Option<String>,
-    #[schema(value_type = Option<String>, format = DateTime)]
-    at: Option<Timestamp>,
-    /// Reason for the change.
-    reason: Option<String>,
-}
 
 /// Returns the deployment freeze.
 ///
@@ -45,18 +27,6 @@ pub(super) async fn get_freeze(
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Response {
     answer(api.lifecycle.deployment_freeze())
-}
-
-/// Begin or end of the deployment freeze.
-#[derive(Debug, Deserialize, utoipa::ToSchema)]
-#[schema(as = DeploymentFreezeRequest)]
-#[serde(deny_unknown_fields)]
-pub(super) struct FreezeBody {
-    /// True to send no robot a calibration that it does not use yet, false to resume.
-    frozen: bool,
-    /// Reason for the change, 1 to 1000 characters.
-    #[schema(min_length = 1, max_length = 1000)]
-    reason: String,
 }
 
 /// Freezes the deployments that are not applied yet, or resumes them.

@@ -3,11 +3,10 @@
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
-use fleetcal_domain::approval::{Policy, PolicyRefused};
+use fleetcal_documents::{PolicyBody, PolicyDocument};
+use fleetcal_domain::approval::PolicyRefused;
 use fleetcal_domain::limits;
 use fleetcal_store::StoredPolicy;
-use jiff::Timestamp;
-use serde::{Deserialize, Serialize};
 
 use crate::ApiState;
 use crate::access::Caller;
@@ -15,25 +14,6 @@ use crate::etag::{expected_version, versioned_json};
 use crate::extract::{Body, NoParameters, Parameters, check_length};
 use crate::problem::Problem;
 use crate::time;
-
-/// Policy in force, and its last change.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
-#[schema(as = PolicyInForce)]
-pub(super) struct PolicyDocument {
-    /// Rules in force.
-    #[serde(flatten)]
-    policy: Policy,
-    /// Person or tool that set it; absent while `[approval]` in `fleetcal.toml` is in force.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    set_by: Option<String>,
-    /// Time of the change.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<String>, format = DateTime)]
-    set_at: Option<Timestamp>,
-    /// Reason for the change.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    set_reason: Option<String>,
-}
 
 /// Returns the policy in force: the one set here, or else `[approval]` in `fleetcal.toml`, defaults
 /// included.
@@ -49,21 +29,6 @@ pub(super) async fn get_policy(
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Response {
     answer(&api, api.lifecycle.stored_policy())
-}
-
-/// New policy, with the reason for it.
-#[derive(Debug, Deserialize, utoipa::ToSchema)]
-#[schema(as = PolicyRequest)]
-#[serde(deny_unknown_fields)]
-pub(super) struct PolicyBody {
-    /// Whole policy, in which an absent key has its default. Null restores `[approval]` of
-    /// `fleetcal.toml`.
-    #[serde(deserialize_with = "Option::deserialize")]
-    #[schema(required = true)]
-    policy: Option<Policy>,
-    /// Reason for the change, 1 to 1000 characters.
-    #[schema(min_length = 1, max_length = 1000)]
-    reason: String,
 }
 
 /// Sets the policy.

@@ -10,6 +10,8 @@
 mod drives;
 mod incident;
 mod lines;
+#[path = "../recordings/recorded.rs"]
+mod recorded;
 mod recordings;
 
 use std::path::{Path, PathBuf};
@@ -44,12 +46,18 @@ fn write(mut arguments: impl Iterator<Item = String>) -> Result<(), Failure> {
         write_drive(&folder, &name, &lines)
     })?;
     let data = env::var_os("FLEETCAL_DATA").filter(|data| !data.is_empty());
-    let recordings = data.map(|data| recordings::of(Path::new(&data)));
+    let recordings = data.map(|data| recorded::of(Path::new(&data)));
     recordings
         .into_iter()
         .flatten()
         .par_bridge()
-        .try_for_each(|recording| write_drive(&folder, recording.name(), &recording.drive()?))
+        .try_for_each(|recording| {
+            write_drive(
+                &folder,
+                recording.name(),
+                &recordings::lines_of(&recording)?,
+            )
+        })
 }
 
 fn write_drive(folder: &Path, name: &str, lines: &str) -> Result<(), Failure> {

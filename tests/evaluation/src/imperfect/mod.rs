@@ -17,7 +17,7 @@ mod tests;
 pub use campaign::{Campaign, Finished};
 pub use cell::{Cell, Flaw, InjectedChange, Place, Road, Scenario, Sensor, Speed};
 pub use extent::{Driven, ImperfectExtent};
-pub use outcome::{ChangeOutcome, ClaimsOutcome, Flagged, Outcome, Snapshot};
+pub use outcome::{ChangeOutcome, ClaimsOutcome, FALSE_SIGMAS, Flagged, Outcome, Snapshot};
 pub use robot::robot;
 pub use run::{Watch, run};
 pub use summary::Summary;
