@@ -392,6 +392,12 @@ results-load: build ## Figures of LOAD_ROBOTS=50 robots with a session each and 
 	done; done
 	$(CARGO) run --release --locked -p fleetcal-evaluation --bin results
 
+.PHONY: results-peers
+results-peers: rust ## The LiDAR odometry beside small_gicp, kiss-icp and genz-icp on the same scans (PyPI): two minutes
+	odometry/benches/peers/compare.py --venv $(BUILT)/peers-venv --figures docs/results/data/lidar_odometry_peers.jsonl \
+	  --commit "$$(git describe --always --dirty --exclude '*')" --date "$$(date +%F)"
+	$(CARGO) run --release --locked -p fleetcal-evaluation --bin results
+
 # What a campaign has done stands in its file here; `rm` begins it again.
 HARDENING := $(abspath $(BUILT))/hardening
 COMMIT = $$(git describe --always --dirty --exclude '*')

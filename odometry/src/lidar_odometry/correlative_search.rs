@@ -18,8 +18,10 @@ use crate::geometry::Pose2;
 
 /// Points of the subsample.
 const POINTS_SCORED: usize = 128;
-/// Candidates of the coarse grid that are refined.
-const CANDIDATES: usize = 24;
+/// Candidates of the coarse grid that are refined,
+pub const CANDIDATES: usize = 24;
+/// and where a pose that fits is known.
+pub const CANDIDATES_BESIDE: usize = 8;
 /// Largest reach of a window, m, in which every pose is scored; in a wider one, poses at which a
 /// quarter of the points fit badly are passed over.
 const WIDE_M: f64 = 4.0;
@@ -120,26 +122,22 @@ impl Overlay {
     }
 }
 
-/// The best poses within `window` of `guess` (whose points are deskewed by `deskew`), best first; of those
-/// alone that more points agree with than with the `rival`, if there is one.
+/// The best poses within `window` of `guess` (whose points are deskewed by `deskew`), best first, of so many
+/// `candidates`.
 pub fn search(
     points: &ScanPoints,
     submap: &Submap,
     guess: Pose2,
     deskew: &LocalMotion,
     window: Window,
-    rival: Option<Pose2>,
+    candidates: usize,
 ) -> Vec<Pose2> {
     let mut overlay = Overlay::new(points, deskew, guess);
     let fine = Picture::of(submap, overlay.centre);
     let coarse = fine.widened((COARSE_CELLS / 2) as usize);
 
     // 1. Every pose of the coarse grid, on the widened map.
-    let rival = rival.map_or(0, |rival| {
-        let cells = overlay.cells_at(rival);
-        coarse.counts(cells, Cell { x: 0, y: 0 }).of(0)
-    });
-    let mut candidates = Vec::new();
+    let mut found = Vec::new();
     let yaw_steps = (window.yaw_rad / COARSE_YAW_RAD).ceil() as i32;
     let reach = (window.reach_m / CELL_M / f64::from(COARSE_CELLS)).ceil() as i32 * COARSE_CELLS;
     let is_wide = window.reach_m > WIDE_M;
@@ -160,24 +158,23 @@ pub fn search(
                 continue;
             }
             let of_rest = coarse.counts(rest, shift);
-            let scored = columns.map(|column| Candidate {
+            found.extend(columns.map(|column| Candidate {
                 score: of_first.of(column) + of_rest.of(column),
                 yaw_step,
                 shift: Cell {
                     x: x + column as i32,
                     y,
                 },
-            });
-            candidates.extend(scored.filter(|candidate| candidate.score > rival));
+            }));
         }
-        if candidates.len() > CANDIDATES_HELD_MAX {
-            keep_best(&mut candidates);
+        if found.len() > CANDIDATES_HELD_MAX {
+            keep_best(&mut found, candidates);
         }
     }
-    keep_best(&mut candidates);
+    keep_best(&mut found, candidates);
 
     // 2. The best of them closely, on the map as it is.
-    let mut close: Vec<_> = candidates
+    let mut close: Vec<_> = found
         .iter()
         .filter_map(|candidate| refine(&fine, candidate, guess, &mut overlay))
         .collect();
@@ -193,10 +190,10 @@ pub fn search(
         .collect()
 }
 
-fn keep_best(candidates: &mut Vec<Candidate>) {
-    if candidates.len() > CANDIDATES {
-        candidates.select_nth_unstable_by_key(CANDIDATES, Candidate::rank);
-        candidates.truncate(CANDIDATES);
+fn keep_best(candidates: &mut Vec<Candidate>, count: usize) {
+    if candidates.len() > count {
+        candidates.select_nth_unstable_by_key(count, Candidate::rank);
+        candidates.truncate(count);
     }
     candidates.sort_unstable_by_key(Candidate::rank);
 }
@@ -292,7 +289,7 @@ mod tests {
                 reach_m: 1.6,
                 yaw_rad: 1.05,
             };
-            let best = search(&points, &map.submap, guess, &deskew, window, None)[0];
+            let best = search(&points, &map.submap, guess, &deskew, window, CANDIDATES)[0];
             let off = best.translation().norm();
             assert!(
                 off < 0.15 && best.yaw_rad.abs() < 0.04,

@@ -472,16 +472,16 @@ impl LidarOdometry {
     }
 
     /// Looks for a better pose than `solution` around the prediction, and where the last scan was:
-    /// the velocity of one that people hid half of may be wrong. Where `solution` fits, only poses count
-    /// that the prediction allows for and that more points agree with.
+    /// the velocity of one that people hid half of may be wrong. Where `solution` fits, only a few poses
+    /// count that the prediction allows for.
     fn search(&self, solution: &mut Solution, predicted: &Motion, dt: f64) {
         let mut window = self.track.window(dt);
         let mut last = self.motion.as_ref().map(|motion| motion.pose);
-        let mut rival = None;
+        let mut candidates = correlative_search::CANDIDATES;
         if !self.track.distrusts(&solution.fit) {
             window = window.within(predicted.pose_sigmas());
             last = None;
-            rival = Some(solution.motion.pose);
+            candidates = correlative_search::CANDIDATES_BESIDE;
         }
         let poses = correlative_search::search(
             &self.points,
@@ -489,7 +489,7 @@ impl LidarOdometry {
             predicted.pose,
             &LocalMotion::new(predicted, LocalOrigin::near(0.0, 0.0)),
             window,
-            rival,
+            candidates,
         );
         // The velocity at a map's first scan is not known.
         let is_tracked = !self.track.is_lost() && self.first_scan.is_none();
