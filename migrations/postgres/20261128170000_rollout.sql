@@ -19,4 +19,5 @@ CREATE TABLE rollout_robot (
 );
 CREATE TRIGGER rollout_robot_is_never_changed BEFORE UPDATE ON rollout_robot
     FOR EACH ROW EXECUTE FUNCTION refuse_change();
-INSERT INTO schema_compatible (version, oldest) VALUES (20261128170000, 20261124160000);
+-- An older program cannot read deliveries of the event rollout.halted, and would deliver nothing.
+INSERT INTO schema_compatible (version, oldest) VALUES (20261128170000, 20261128170000);

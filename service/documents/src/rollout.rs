@@ -4,7 +4,7 @@ use fleetcal_domain::approval::{DeploymentState, Present, ProposalState, RobotLe
 use fleetcal_domain::timestamp as time;
 use fleetcal_model::{DeploymentId, ProposalId, RevisionId, RolloutId, Version};
 use fleetcal_proto::RobotId;
-use fleetcal_rollout::{Counts, Followed, Rollout, RolloutState, Stage, WavePlan};
+use fleetcal_rollout::{Counts, Followed, Lost, Member, Rollout, RolloutState, Stage, WavePlan};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +25,19 @@ pub struct RolloutRequest {
     #[serde(default)]
     #[schema(max_length = 1000)]
     pub reason: Option<String>,
+}
+
+/// Continuation of a paused or halted roll-out.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[schema(as = RolloutResumption)]
+#[serde(deny_unknown_fields)]
+pub struct ResumeRequest {
+    /// Reason, 1 to 1000 characters.
+    #[schema(min_length = 1, max_length = 1000)]
+    pub reason: String,
+    /// Lost robots of each wave that the person read and accepts, after a halt; none unless given.
+    #[serde(default)]
+    pub lost: Vec<Lost>,
 }
 
 /// Page of roll-outs, newest first.
@@ -84,9 +97,10 @@ struct WaveDocument {
     plan: WavePlan,
     /// Number of its robots.
     robots: u32,
-    /// Number of robots that must be verified before the next wave begins.
+    /// Number of robots that must be verified before the next wave begins; those that a person
+    /// accepted as lost count for neither.
     needed: u32,
-    /// Number of robots that may fail.
+    /// Number of robots that may fail, at least those that a person accepted.
     allowed: u32,
     /// Time of its begin; `null` before it.
     #[schema(value_type = Option<String>, format = DateTime)]
@@ -113,27 +127,42 @@ struct RolloutRobotDocument {
     deployment: Option<DeploymentId>,
     /// State of the deployment, after returns to earlier values.
     deployment_state: Option<DeploymentState>,
-    /// Reason for the deployment's state.
+    /// Reason for the deployment's state, or against the approval of a released robot.
     reason: Option<String>,
 }
 
+/// Reason against the approval of a released robot.
+type Against<'a> = &'a dyn Fn(&Member) -> Option<String>;
+
 impl RolloutDocument {
-    /// Makes the document of a roll-out, with its robots unless it is for a list.
-    pub fn of(rollout: Rollout, robots: Option<&[Followed]>) -> Self {
-        let counts = robots.map(|robots| rollout.counts(robots));
+    /// Makes the document of a roll-out for a list.
+    pub fn listed(rollout: Rollout) -> Self {
+        Self::of(rollout, None)
+    }
+
+    /// Makes the document of a roll-out with its robots; `against` has the reason against the
+    /// approval of a released robot.
+    pub fn shown(rollout: Rollout, robots: &[Followed], against: Against<'_>) -> Self {
+        Self::of(rollout, Some((robots, against)))
+    }
+
+    fn of(rollout: Rollout, robots: Option<(&[Followed], Against<'_>)>) -> Self {
+        let counts = robots.map(|(robots, _)| rollout.counts(robots));
         let counts = |index: usize| counts.as_ref()?.get(index).copied();
         let waves = rollout.waves.iter().enumerate();
         let waves = waves.map(|(index, wave)| WaveDocument {
             plan: wave.plan.clone(),
             robots: wave.robots,
-            needed: wave.plan.needed(wave.robots),
-            allowed: wave.plan.allowed(wave.robots),
+            needed: wave.needed(),
+            allowed: wave.allowed(),
             begun: wave.begun_ns.map(time::of),
             counts: counts(index),
         });
         let waves = waves.collect();
-        let robot = |one: &Followed| RolloutRobotDocument::of(one, &rollout);
-        let robots = robots.map(|robots| robots.iter().map(robot).collect());
+        let robots = robots.map(|(robots, against)| {
+            let robot = |one: &Followed| RolloutRobotDocument::of(one, &rollout, against);
+            robots.iter().map(robot).collect()
+        });
         Self {
             waves,
             robots,
@@ -154,17 +183,22 @@ impl RolloutDocument {
 }
 
 impl RolloutRobotDocument {
-    fn of(one: &Followed, rollout: &Rollout) -> Self {
+    fn of(one: &Followed, rollout: &Rollout, against: Against<'_>) -> Self {
         let brought = one.brought.as_ref();
+        let stage = one.stage(rollout.has_begun(one.member.wave));
+        let reason = match stage {
+            Stage::Released => against(&one.member),
+            _ => brought.and_then(|brought| brought.reason.clone()),
+        };
         Self {
             robot: one.member.robot.clone(),
             wave: one.member.wave,
-            stage: one.stage(rollout.has_begun(one.member.wave)),
+            stage,
             proposal: one.member.proposal,
             proposal_state: one.proposal_state,
             deployment: brought.map(|brought| brought.deployment),
             deployment_state: brought.map(|brought| brought.state),
-            reason: brought.and_then(|brought| brought.reason.clone()),
+            reason,
         }
     }
 }
@@ -175,7 +209,7 @@ impl RolloutRobotDocument {
 pub struct PlanDocument {
     /// Query as the service writes it.
     pub q: String,
-    /// Hash (SHA-256) of the waves' robots, proposals and revisions; the start binds to it.
+    /// Hash (SHA-256) of the waves' plans, robots, proposals and revisions; the start binds to it.
     pub sha256: String,
     /// Waves, in their order; those without robots are dropped.
     pub waves: Vec<PlannedWave>,
@@ -231,21 +265,9 @@ impl LeftOutDocument {
         (approver, other): (&str, Option<RolloutId>),
     ) -> Option<Self> {
         let open = ledger.open.as_ref()?;
-        let outdated = || {
-            let revision = ledger.revisions.get(&open.revision)?;
-            outdated(revision, present).map(|outdated| outdated.to_string())
-        };
-        let reason = if let Some(other) = other {
-            format!("roll-out {other} has it")
-        } else if open.proposed_by == approver {
-            format!("{approver} has proposed it, and somebody else has to approve it")
-        } else if open.approvals.iter().any(|one| one.by == approver) {
-            format!("{approver} has approved it already, and a second person has to")
-        } else if let Some(live) = &ledger.live {
-            let state = live.state.as_str();
-            format!("deployment {} of the robot is {state}", live.id)
-        } else {
-            outdated()?
+        let reason = match other {
+            Some(other) => format!("roll-out {other} has it"),
+            None => against(ledger, present, approver)?,
         };
         Some(Self {
             robot: open.robot.clone(),
@@ -253,4 +275,26 @@ impl LeftOutDocument {
             reason,
         })
     }
+}
+
+/// Reason against an approval of a robot's open proposal by `approver`, in words, with its present
+/// estimate; `None` for a robot without one.
+pub fn against(ledger: &RobotLedger, present: &Present, approver: &str) -> Option<String> {
+    let open = ledger.open.as_ref()?;
+    if open.proposed_by == approver {
+        return Some(format!(
+            "{approver} has proposed it, and somebody else has to approve it"
+        ));
+    }
+    if open.approvals.iter().any(|one| one.by == approver) {
+        return Some(format!(
+            "{approver} has approved it already, and a second person has to"
+        ));
+    }
+    if let Some(live) = &ledger.live {
+        let state = live.state.as_str();
+        return Some(format!("deployment {} of the robot is {state}", live.id));
+    }
+    let revision = ledger.revisions.get(&open.revision)?;
+    outdated(revision, present).map(|outdated| outdated.to_string())
 }

@@ -14,7 +14,7 @@ pub const IMPORT_COLUMNS_MAX: usize = 64;
 pub const IMPORT_COLUMN_BYTES_MAX: usize = 64;
 /// Parts of a column's name in a table of robots to register, with dots between them.
 pub const IMPORT_COLUMN_PARTS_MAX: usize = 3;
-/// Roll-outs that run at once; further ones wait, the newest run first.
+/// Roll-outs that go on at once, running or paused; no further one is started.
 pub const ROLLOUTS_RUNNING_MAX: u32 = 100;
 /// Waves of a roll-out.
 pub const ROLLOUT_WAVES_MAX: usize = 20;

@@ -263,7 +263,11 @@ impl From<RolloutRefused> for Problem {
         let detail = refused.to_string();
         let (status, code) = match refused {
             RolloutRefused::Unknown(_) => (StatusCode::NOT_FOUND, "rollout_unknown"),
-            RolloutRefused::Stale { .. } => (StatusCode::PRECONDITION_FAILED, "version_conflict"),
+            RolloutRefused::Stale { .. } | RolloutRefused::MoreLost { .. } => {
+                (StatusCode::PRECONDITION_FAILED, "version_conflict")
+            }
+            RolloutRefused::Taken { .. } => (StatusCode::CONFLICT, "robot_taken"),
+            RolloutRefused::TooMany => (StatusCode::CONFLICT, "too_many"),
             RolloutRefused::State { .. } | RolloutRefused::NotReleased => {
                 (StatusCode::CONFLICT, "wrong_state")
             }

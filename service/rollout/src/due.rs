@@ -19,9 +19,8 @@ pub fn due(rollout: &Rollout, counts: &[Counts]) -> Option<(Event, String)> {
     let begun = begun.take_while(|((wave, _), _)| wave.begun_ns.is_some());
     let begun: Vec<((&Wave, &Counts), usize)> = begun.collect();
     let failing = begun.iter().find_map(|((wave, counts), number)| {
-        let allowed = wave.plan.allowed(wave.robots);
-        let (failed, robots) = (counts.failed, wave.robots);
-        (failed > allowed.max(wave.accepted.failed)).then(|| {
+        let (failed, robots, allowed) = (counts.failed, wave.robots, wave.allowed());
+        (failed > allowed).then(|| {
             format!("wave {number}: {failed} of {robots} robots have failed, {allowed} may")
         })
     });
@@ -33,10 +32,7 @@ pub fn due(rollout: &Rollout, counts: &[Counts]) -> Option<(Event, String)> {
         let is_over = begun.iter().all(|((_, counts), _)| counts.open() == 0);
         return is_over.then(|| (Event::Finish, "every robot has an outcome".to_owned()));
     }
-    let (verified, robots) = (counts.verified, wave.robots);
-    let needed = wave
-        .plan
-        .needed(robots.saturating_sub(wave.accepted.lost()));
+    let (verified, robots, needed) = (counts.verified, wave.robots, wave.needed());
     let reason = format!("wave {number}: {verified} of {robots} robots are verified");
     if verified >= needed {
         return Some((Event::BeginWave, reason));

@@ -17,6 +17,6 @@ mod plan;
 mod rollout;
 
 pub use due::due;
-pub use member::{Brought, Counts, Followed, Member, Stage, members_sha256};
+pub use member::{Brought, Counts, Followed, Lost, Member, Stage, plan_sha256};
 pub use plan::{PlanRefused, Take, WavePlan, split};
 pub use rollout::{Approver, Changed, Event, Rollout, RolloutRefused, RolloutState, Wave};

@@ -5,6 +5,8 @@ use fleetcal_model::{DeploymentId, ProposalId, RevisionId, RobotId};
 use fleetcal_proto::signing::sha256_hex;
 use serde::{Deserialize, Serialize};
 
+use crate::plan::WavePlan;
+
 /// Robot of a roll-out, with what was approved for it; it never changes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Member {
@@ -18,9 +20,20 @@ pub struct Member {
     pub revision: RevisionId,
 }
 
-/// SHA-256 of a plan's robots, lower-case hexadecimal: who starts a roll-out sends that of the plan
-/// which was read.
-pub fn members_sha256(members: &[Member]) -> String {
+/// SHA-256 of the plans of the waves and of their robots, lower-case hexadecimal: who starts a
+/// roll-out sends that of the plan which was read.
+pub fn plan_sha256<'a>(
+    waves: impl IntoIterator<Item = &'a WavePlan>,
+    members: &[Member],
+) -> String {
+    let plan = |wave: &WavePlan| {
+        let WavePlan {
+            take,
+            verified_share,
+            failed_share,
+        } = wave;
+        format!("{take:?} {verified_share} {failed_share}\n")
+    };
     let line = |one: &Member| {
         let Member {
             robot,
@@ -30,7 +43,8 @@ pub fn members_sha256(members: &[Member]) -> String {
         } = one;
         format!("{wave} {robot} {proposal} {revision}\n")
     };
-    let lines: String = members.iter().map(line).collect();
+    let plans = waves.into_iter().map(plan);
+    let lines: String = plans.chain(members.iter().map(line)).collect();
     sha256_hex(lines.as_bytes())
 }
 
@@ -146,6 +160,29 @@ pub struct Counts {
     pub left_out: u32,
 }
 
+/// Robots of a wave that will not be verified any more, as a person read them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = RolloutLost))]
+#[serde(deny_unknown_fields)]
+pub struct Lost {
+    /// Robots that have failed.
+    pub failed: u32,
+    /// Robots left out.
+    pub left_out: u32,
+}
+
+impl Lost {
+    /// Number of the robots.
+    pub const fn robots(self) -> u32 {
+        self.failed + self.left_out
+    }
+
+    /// True if no more robots are lost than these, of each kind.
+    pub const fn covers(self, now: Self) -> bool {
+        now.failed <= self.failed && now.left_out <= self.left_out
+    }
+}
+
 impl Counts {
     /// Adds a robot of this stage.
     pub const fn add(&mut self, stage: Stage) {
@@ -159,9 +196,12 @@ impl Counts {
         } += 1;
     }
 
-    /// Number of robots that will not be verified any more.
-    pub const fn lost(&self) -> u32 {
-        self.failed + self.left_out
+    /// Robots that will not be verified any more.
+    pub const fn lost(&self) -> Lost {
+        Lost {
+            failed: self.failed,
+            left_out: self.left_out,
+        }
     }
 
     /// Number of robots that have no outcome yet.

@@ -1,12 +1,13 @@
 //! Record of a roll-out, and its states.
 
 use fleetcal_domain::access::{Access, Actor, Authentication, Grant, Role};
-use fleetcal_model::{RolloutId, Version, WallTime};
+use fleetcal_domain::limits;
+use fleetcal_model::{RobotId, RolloutId, Version, WallTime};
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 use thiserror::Error;
 
-use crate::member::{Counts, Followed};
+use crate::member::{Counts, Followed, Lost};
 use crate::plan::WavePlan;
 
 /// State of a roll-out.
@@ -119,6 +120,32 @@ pub enum RolloutRefused {
         /// Present version.
         found: Version,
     },
+    /// Robots lost since a person read the halted roll-out.
+    #[error(
+        "wave {wave} has {} failed robots and {} left out now: more than you accept",
+        now.failed,
+        now.left_out
+    )]
+    MoreLost {
+        /// Number of the wave, from 1.
+        wave: usize,
+        /// Robots of the wave that are lost now.
+        now: Lost,
+    },
+    /// Robot whose proposal another roll-out releases.
+    #[error("roll-out {other}, which goes on, has the proposal of robot {robot}")]
+    Taken {
+        /// The other roll-out, running or paused.
+        other: RolloutId,
+        /// The robot.
+        robot: RobotId,
+    },
+    /// Roll-out beyond the number of those that go on at once.
+    #[error(
+        "{} roll-outs are running or paused, and no more can be",
+        limits::ROLLOUTS_RUNNING_MAX
+    )]
+    TooMany,
     /// Decision without a reason.
     #[error("reason: got nothing, expected why, in words")]
     ReasonMissing,
@@ -157,6 +184,20 @@ pub struct Wave {
     /// Counts that a person accepted when the halted roll-out was resumed; zero before that.
     #[serde(default)]
     pub accepted: Counts,
+}
+
+impl Wave {
+    /// Number of robots that must be verified before the next wave begins, as a share of those that
+    /// no person accepted as lost.
+    pub fn needed(&self) -> u32 {
+        let lost = self.accepted.lost().robots();
+        self.plan.needed(self.robots.saturating_sub(lost))
+    }
+
+    /// Number of robots that may fail, at least those that a person accepted.
+    pub fn allowed(&self) -> u32 {
+        self.plan.allowed(self.robots).max(self.accepted.failed)
+    }
 }
 
 /// Latest change of a roll-out.
@@ -255,6 +296,28 @@ impl Rollout {
         }
         after.changed = changed;
         Ok(after)
+    }
+
+    /// Compares the robots that are lost now with those that a person has read. Only who resumes a
+    /// halted roll-out accepts them. Waves beyond `read` are read as without losses.
+    ///
+    /// # Errors
+    /// [`RolloutRefused::MoreLost`] about the first wave with more of them.
+    pub fn check_read(&self, counts: &[Counts], read: &[Lost]) -> Result<(), RolloutRefused> {
+        if self.state != RolloutState::Halted {
+            return Ok(());
+        }
+        let read = read
+            .iter()
+            .copied()
+            .chain(std::iter::repeat(Lost::default()));
+        for ((counts, read), wave) in counts.iter().zip(read).zip(1..) {
+            let now = counts.lost();
+            if !read.covers(now) {
+                return Err(RolloutRefused::MoreLost { wave, now });
+            }
+        }
+        Ok(())
     }
 
     /// True if a wave, numbered from 1, has begun.

@@ -2,12 +2,14 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+use std::collections::BTreeSet;
+
 use fleetcal_domain::access::{Actor, Authentication, Grant, Role};
 use fleetcal_domain::approval::{DeploymentState, ProposalState};
 use fleetcal_model::{DeploymentId, ProposalId, RevisionId, RobotId, RolloutId, Version, WallTime};
 use fleetcal_rollout::{
-    Brought, Changed, Counts, Event, Followed, Member, PlanRefused, Rollout, RolloutRefused,
-    RolloutState, Stage, Take, WavePlan, due, split,
+    Brought, Changed, Counts, Event, Followed, Lost, Member, PlanRefused, Rollout, RolloutRefused,
+    RolloutState, Stage, Take, WavePlan, due, plan_sha256, split,
 };
 use proptest::prelude::*;
 
@@ -242,6 +244,57 @@ fn accepted_failures_do_not_halt_it_again_and_further_ones_do() {
     model.run();
     assert_eq!(model.rollout.state, RolloutState::Halted);
     assert_eq!(model.touched(), [1]);
+}
+
+#[test]
+fn who_resumes_accepts_what_was_read_and_no_more() {
+    let mut model = fifty(5, DeploymentState::Refused);
+    model.run();
+    let lost = |failed, left_out| Lost { failed, left_out };
+    let check = |read: &[Lost]| model.rollout.check_read(&model.counts(), read);
+    let more = Err(RolloutRefused::MoreLost {
+        wave: 1,
+        now: lost(5, 0),
+    });
+    // A failure is not what was read as left out.
+    for read in [&[][..], &[lost(4, 0)], &[lost(4, 1)]] {
+        assert_eq!(check(read), more, "{read:?}");
+    }
+    assert_eq!(check(&[lost(5, 0)]), Ok(()));
+    model.rollout.state = RolloutState::Paused;
+    assert_eq!(model.rollout.check_read(&model.counts(), &[]), Ok(()));
+}
+
+#[test]
+fn thresholds_leave_out_what_was_accepted() {
+    let mut model = fifty(5, DeploymentState::Refused);
+    model.run();
+    let first = &model.rollout.waves[0];
+    assert_eq!((first.needed(), first.allowed()), (8, 1));
+    model.resume();
+    let first = &model.rollout.waves[0];
+    assert_eq!((first.needed(), first.allowed()), (4, 5));
+}
+
+#[test]
+fn the_hash_of_a_plan_binds_robots_and_thresholds() {
+    let plan = wave(Take::Rest, 0.8, 0.1);
+    let member = |number| Member {
+        robot: robot(number),
+        wave: 1,
+        proposal: ProposalId(7),
+        revision: RevisionId(7),
+    };
+    let all = [
+        plan_sha256([&plan], &[member(1)]),
+        plan_sha256([&plan], &[member(2)]),
+        plan_sha256([&wave(Take::Rest, 0.7, 0.1)], &[member(1)]),
+        plan_sha256([&wave(Take::Rest, 0.8, 0.2)], &[member(1)]),
+        plan_sha256([&wave(Take::Robots(1), 0.8, 0.1)], &[member(1)]),
+    ];
+    let distinct: BTreeSet<_> = all.iter().collect();
+    assert_eq!(distinct.len(), all.len());
+    assert_eq!(all[0], plan_sha256([&plan], &[member(1)]));
 }
 
 #[test]

@@ -1,8 +1,10 @@
 //! Roll-outs: their records, and their robots with the present states of their proposals.
 
+use std::collections::BTreeMap;
+
 use async_trait::async_trait;
 use fleetcal_domain::approval::{Deployment, ProposalState};
-use fleetcal_model::{ProposalId, RevisionId, RolloutId};
+use fleetcal_model::{ProposalId, RevisionId, RobotId, RolloutId};
 use fleetcal_rollout::{Brought, Followed, Member, Rollout};
 use fleetcal_store::transaction::RolloutRecords;
 use fleetcal_store::{RolloutFilter, StoreError};
@@ -77,6 +79,37 @@ impl RolloutRecords for SqlRecords<'_> {
         Ok(())
     }
 
+    async fn rollouts_beside(&mut self, id: RolloutId) -> Result<u32, StoreError> {
+        let count: i64 = query_scalar(
+            "SELECT count(*) FROM rollout WHERE state IN ('running', 'paused') AND id <> $1",
+        )
+        .bind(number_of(id))
+        .fetch_one(&mut *self.connection)
+        .await
+        .map_err(StoreError::database("count the roll-outs"))?;
+        Ok(u32::try_from(count).unwrap_or(u32::MAX))
+    }
+
+    async fn rollout_taken(
+        &mut self,
+        id: RolloutId,
+    ) -> Result<Option<(RolloutId, RobotId)>, StoreError> {
+        let row = query(
+            "SELECT other.rollout, other.robot FROM rollout_robot AS own
+             JOIN rollout_robot AS other
+                 ON other.proposal = own.proposal AND other.rollout <> own.rollout
+             JOIN rollout AS r ON r.id = other.rollout
+             WHERE own.rollout = $1 AND r.state IN ('running', 'paused')
+             ORDER BY other.rollout, other.proposal LIMIT 1",
+        )
+        .bind(number_of(id))
+        .fetch_optional(&mut *self.connection)
+        .await
+        .map_err(StoreError::database("read the other roll-outs of robots"))?;
+        let taken = |row: &Row| Ok((number(row, 0).map(RolloutId)?, robot_id(row, TABLE, 1)?));
+        row.as_ref().map(taken).transpose()
+    }
+
     async fn rollout_robots(&mut self, id: RolloutId) -> Result<Vec<Followed>, StoreError> {
         robots(self.connection, id).await
     }
@@ -132,9 +165,11 @@ pub(super) async fn robots(
     .fetch_all(&mut *connection)
     .await
     .map_err(failed())?;
-    let returns: Result<Vec<Deployment>, _> =
-        returns.iter().map(|row| record(row, TABLE, 0)).collect();
-    let returns = returns?;
+    let mut returns_of: BTreeMap<RobotId, Vec<Deployment>> = BTreeMap::new();
+    for row in &returns {
+        let one: Deployment = record(row, "deployment", 0)?;
+        returns_of.entry(one.robot.clone()).or_default().push(one);
+    }
     let rows = query(
         "SELECT m.robot, m.wave, m.proposal, m.revision, p.state, p.revision, d.record
          FROM rollout_robot AS m JOIN proposal AS p ON p.id = m.proposal
@@ -145,10 +180,15 @@ pub(super) async fn robots(
     .fetch_all(connection)
     .await
     .map_err(failed())?;
-    rows.iter().map(|row| followed(row, &returns)).collect()
+    rows.iter().map(|row| followed(row, &returns_of)).collect()
 }
 
-fn followed(row: &Row, returns: &[Deployment]) -> Result<Followed, StoreError> {
+fn followed(
+    row: &Row,
+    returns_of: &BTreeMap<RobotId, Vec<Deployment>>,
+) -> Result<Followed, StoreError> {
+    let robot = robot_id(row, TABLE, 0)?;
+    let returns = returns_of.get(&robot).map_or(&[][..], Vec::as_slice);
     let state: String = column(row, TABLE, 4)?;
     let unknown = || corrupt(TABLE)(format!("{state} is no state of a proposal"));
     let deployment: Option<String> = column(row, TABLE, 6)?;
@@ -157,7 +197,7 @@ fn followed(row: &Row, returns: &[Deployment]) -> Result<Followed, StoreError> {
         .transpose()?;
     Ok(Followed {
         member: Member {
-            robot: robot_id(row, TABLE, 0)?,
+            robot,
             wave: column(row, TABLE, 1)?,
             proposal: number(row, 2).map(ProposalId)?,
             revision: number(row, 3).map(RevisionId)?,

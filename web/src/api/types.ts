@@ -77,6 +77,7 @@ export type RetiredRobot = Schemas['RetiredRobot'];
 export type Rollout = Schemas['Rollout'];
 export type RolloutPage = Schemas['RolloutPage'];
 export type RolloutPlan = Schemas['RolloutPlan'];
+export type RolloutLost = Schemas['RolloutLost'];
 export type RolloutRobot = Schemas['RolloutRobot'];
 export type RolloutWave = Schemas['RolloutWave'];
 export type RolloutStage = Schemas['RolloutStage'];

@@ -1,7 +1,6 @@
 /** Waves as they are typed, and the plan that they make. */
 
 import type { WavePlan } from '../api/types';
-import { percentOf } from './words';
 
 export const TAKES = { robots: 'Number', share: 'Share, %', q: 'Query', rest: 'The rest' } as const;
 export type Take = keyof typeof TAKES;
@@ -70,20 +69,4 @@ function takeOf({ take, value }: DraftWave): WavePlan['take'] | string {
         ? { share: number / 100 }
         : 'the share must be more than 0 and at most 100 %';
   }
-}
-
-/** Returns the typed form of a plan. */
-export function draftOf(plan: readonly WavePlan[]): DraftWave[] {
-  return plan.map(({ take, verified_share, failed_share }) => ({
-    ...typedTake(take),
-    verified: String(percentOf(verified_share ?? 1)),
-    failed: String(percentOf(failed_share ?? 0)),
-  }));
-}
-
-function typedTake(take: WavePlan['take']): Pick<DraftWave, 'take' | 'value'> {
-  if (take === 'rest') return { take, value: '' };
-  if ('robots' in take) return { take: 'robots', value: String(take.robots) };
-  if ('share' in take) return { take: 'share', value: String(percentOf(take.share)) };
-  return { take: 'q', value: take.q };
 }

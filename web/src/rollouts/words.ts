@@ -1,6 +1,6 @@
 /** Words and shapes for the states of roll-outs and the stages of their robots. */
 
-import type { RolloutStage, RolloutState, WavePlan } from '../api/types';
+import type { Rollout, RolloutLost, RolloutStage, RolloutState, WavePlan } from '../api/types';
 import type { Face } from '../ui/face';
 
 export const STATES: Record<RolloutState, Face> = {
@@ -71,6 +71,25 @@ export const STAGES: Record<RolloutStage, Face> = {
 };
 
 export const STAGE_ORDER = Object.keys(STAGES) as RolloutStage[];
+
+/** Returns the lost robots of each wave, as they were read. */
+export function lostOf(rollout: Rollout): RolloutLost[] {
+  return rollout.waves.map(({ counts }) => ({
+    failed: counts?.failed ?? 0,
+    left_out: counts?.left_out ?? 0,
+  }));
+}
+
+/** Returns the consequence of resuming a roll-out: after a halt, its lost robots are accepted. */
+export function resumptionOf(rollout: Rollout): string {
+  if (rollout.state !== 'halted') {
+    return 'Robots are released again. Nothing is accepted: too many failures halt it as before.';
+  }
+  const lost = lostOf(rollout);
+  const failed = lost.reduce((sum, wave) => sum + wave.failed, 0);
+  const leftOut = lost.reduce((sum, wave) => sum + wave.left_out, 0);
+  return `Robots are released again. You accept ${failed} failed and ${leftOut} left out: only further ones halt it.`;
+}
 
 /** Returns the robots that a wave takes, in words. */
 export function takeOf(take: WavePlan['take']): string {

@@ -53,7 +53,7 @@ pub(super) async fn list_rollouts(
     let next = cut(&mut rollouts, limit, |rollout| rollout.id.to_string());
     let items = rollouts.into_iter();
     Ok(Json(RolloutPage {
-        items: items.map(|one| RolloutDocument::of(one, None)).collect(),
+        items: items.map(RolloutDocument::listed).collect(),
         next,
     }))
 }

@@ -3,11 +3,11 @@
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::Response;
-use fleetcal_documents::RolloutDocument;
+use fleetcal_documents::{ResumeRequest, RolloutDocument, against};
 use fleetcal_domain::limits;
 use fleetcal_model::RolloutId;
 use fleetcal_operations::lifecycle::{ChangeRollout, RolloutChange};
-use fleetcal_rollout::{Rollout, RolloutRefused};
+use fleetcal_rollout::{Member, Rollout, RolloutRefused};
 use fleetcal_store::StoreError;
 
 use crate::ApiState;
@@ -56,20 +56,22 @@ pub(super) async fn pause_rollout(
     headers: HeaderMap,
     Body { value, .. }: Body<ReasonBody>,
 ) -> Result<Response, Problem> {
-    change(&api, caller, (&id, &headers), value, RolloutChange::Pause).await
+    let change = RolloutChange::Pause;
+    changed(&api, caller, (&id, &headers), (change, value.reason)).await
 }
 
 /// Resumes a paused or halted roll-out.
 ///
-/// The failures that halted it are accepted: only further ones halt it again.
+/// After a halt, the lost robots that `lost` has are accepted: only further ones halt it again. It
+/// is refused if a wave has lost more by now.
 #[utoipa::path(post, path = "/rollouts/{id}/resume", tag = "rollouts",
     params(("id" = u64, Path, description = "The roll-out."),
         ("If-Match" = Option<String>, Header, description = "The ETag of GET; any version without.")),
-    request_body = ReasonBody,
+    request_body = ResumeRequest,
     responses(
         (status = OK, description = "The running roll-out", body = RolloutDocument),
         (status = NOT_FOUND, description = "The roll-out is unknown"),
-        (status = CONFLICT, description = "The roll-out is neither paused nor halted"),
+        (status = CONFLICT, description = "It is neither paused nor halted, or another one has its robots"),
     ))]
 pub(super) async fn resume_rollout(
     State(api): State<ApiState>,
@@ -77,9 +79,10 @@ pub(super) async fn resume_rollout(
     Path(id): Path<String>,
     Parameters(NoParameters {}): Parameters<NoParameters>,
     headers: HeaderMap,
-    Body { value, .. }: Body<ReasonBody>,
+    Body { value, .. }: Body<ResumeRequest>,
 ) -> Result<Response, Problem> {
-    change(&api, caller, (&id, &headers), value, RolloutChange::Resume).await
+    let change = RolloutChange::Resume(value.lost);
+    changed(&api, caller, (&id, &headers), (change, value.reason)).await
 }
 
 /// Halts a roll-out, since something is wrong. What is under way continues.
@@ -100,15 +103,15 @@ pub(super) async fn halt_rollout(
     headers: HeaderMap,
     Body { value, .. }: Body<ReasonBody>,
 ) -> Result<Response, Problem> {
-    change(&api, caller, (&id, &headers), value, RolloutChange::Halt).await
+    let change = RolloutChange::Halt;
+    changed(&api, caller, (&id, &headers), (change, value.reason)).await
 }
 
-async fn change(
+async fn changed(
     api: &ApiState,
     caller: Caller,
     (id, headers): (&str, &HeaderMap),
-    ReasonBody { reason }: ReasonBody,
-    change: RolloutChange,
+    (change, reason): (RolloutChange, String),
 ) -> Result<Response, Problem> {
     check_length("reason", &reason, limits::NOTE_CHARS_MAX)?;
     let is_bound = headers.contains_key(header::IF_MATCH);
@@ -133,7 +136,15 @@ pub(super) async fn shown(
 ) -> Result<Response, Problem> {
     let robots = api.store.rollout_robots(rollout.id).await?;
     let version = rollout.version;
-    let document = RolloutDocument::of(rollout, Some(&robots));
+    let approver = rollout.approver.name.clone();
+    let against = |member: &Member| {
+        let (ledger, present) = (
+            api.lifecycle.ledger(&member.robot),
+            api.lifecycle.present(&member.robot),
+        );
+        against(&ledger, &present, &approver)
+    };
+    let document = RolloutDocument::shown(rollout, &robots, &against);
     Ok(versioned_json(status, version, document))
 }
 

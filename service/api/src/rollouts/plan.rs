@@ -6,7 +6,7 @@ use axum::http::StatusCode;
 use fleetcal_documents::{LeftOutDocument, PlanDocument, PlannedRobot, PlannedWave};
 use fleetcal_domain::limits;
 use fleetcal_model::{ProposalId, RobotId, RolloutId};
-use fleetcal_rollout::{Member, PlanRefused, RolloutState, Take, WavePlan, members_sha256, split};
+use fleetcal_rollout::{Member, PlanRefused, RolloutState, Take, WavePlan, plan_sha256, split};
 use fleetcal_store::{RolloutFilter, StoreError};
 use fleetcal_view::Query;
 
@@ -80,7 +80,7 @@ pub(super) async fn plan(
     }
     let document = PlanDocument {
         q: query.to_string(),
-        sha256: members_sha256(&members),
+        sha256: plan_sha256(waves.iter().map(|wave| &wave.plan), &members),
         waves,
         left_out,
     };

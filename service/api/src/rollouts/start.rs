@@ -42,6 +42,7 @@ pub(super) struct StartParameters {
         (status = OK, description = "The plan of a dry run", body = PlanDocument),
         (status = CREATED, description = "The running roll-out", body = RolloutDocument,
             headers(("ETag" = String, description = "Version of the roll-out."))),
+        (status = CONFLICT, description = "Another one has its robots, or too many go on"),
         (status = PRECONDITION_FAILED, description = "The plan is another by now"),
     )
 )]

@@ -1,10 +1,12 @@
 //! Roll-outs from a client's side, on the real life cycle.
 
-use std::time::Duration;
-
 use fleetcal_domain::approval::{Command, DeploymentState, Verification};
+use fleetcal_model::RolloutId;
 use fleetcal_operations::accounts::{TokenChange, change_token};
-use fleetcal_store::AuditFilter;
+use fleetcal_operations::lifecycle::StartRollout;
+use fleetcal_patience::until_answered;
+use fleetcal_rollout::RolloutRefused;
+use fleetcal_store::{AuditFilter, StoreError};
 use serde_json::json;
 
 use super::*;
@@ -91,14 +93,13 @@ impl Rolled {
 
     /// Waits until a condition on the roll-out holds.
     async fn until(&self, id: u64, holds: impl Fn(&Value) -> bool) -> Value {
-        for _ in 0..400 {
-            let shown = self.shown(id).await;
-            if holds(&shown) {
-                return shown;
-            }
-            tokio::time::sleep(Duration::from_millis(25)).await;
-        }
-        panic!("it does not come: {}", self.shown(id).await);
+        let mut shown = Value::Null;
+        until_answered("the roll-out is as expected", async || {
+            shown = self.shown(id).await;
+            holds(&shown)
+        })
+        .await;
+        shown
     }
 
     /// Answer of a robot about the document that it is offered.
@@ -157,7 +158,7 @@ fn stages(shown: &Value, wave: u64) -> Vec<&str> {
 }
 
 #[tokio::test]
-async fn a_roll_out_approves_what_its_plan_showed_and_nothing_else() {
+async fn a_roll_out_approves_what_its_plan_showed_wave_by_wave() {
     let rolled = rolled(&["a", "b", "c"]).await;
     let body = json!({ "q": "site:hamburg", "waves": [
         { "take": { "robots": 1 } }, { "take": { "q": "c" } }, { "take": "rest" },
@@ -175,16 +176,26 @@ async fn a_roll_out_approves_what_its_plan_showed_and_nothing_else() {
     // Without the plan, or with another one, nothing is started.
     let refused = rolled.ana(URI, &body).await.told();
     assert!(refused.starts_with("412 plan_changed [plan]"), "{refused}");
-    // Who has proposed it is not its approver.
-    let bo_admin = token(&rolled.bench.store, "bo2", grant(Role::Operator), None).await;
-    let refused = rolled
-        .bench
-        .of(&bo_admin, "POST", URI, &[], &body)
-        .await
-        .told();
+    // With other thresholds it is another plan.
+    let mut other = body.clone();
+    other["plan"] = plan["sha256"].clone();
+    other["waves"][2] = json!({ "take": "rest", "failed_share": 0.5 });
+    let refused = rolled.ana(URI, &other).await.told();
+    assert!(refused.starts_with("412 plan_changed [plan]"), "{refused}");
+    // An operator starts none.
+    let operator = token(&rolled.bench.store, "bo2", grant(Role::Operator), None).await;
+    let refused = rolled.bench.of(&operator, "POST", URI, &[], &body).await;
+    let refused = refused.told();
     assert!(refused.starts_with("403 not_permitted"), "{refused}");
     let mut started = body.clone();
     started["plan"] = plan["sha256"].clone();
+    started["reason"] = json!(" ");
+    let refused = rolled.ana(URI, &started).await.told();
+    assert!(
+        refused.starts_with("400 value_refused [reason]"),
+        "{refused}"
+    );
+    started["reason"] = Value::Null;
     let answer = rolled.ana(URI, &started).await.json();
     let id = answer["id"].as_u64().unwrap();
     // Its robots are in no second one.
@@ -216,15 +227,15 @@ async fn robots_that_refuse_halt_it_and_a_restart_changes_nothing() {
     rolled
         .until(id, |shown| stages(shown, 1) == ["underway", "underway"])
         .await;
+    // No instance looks while the robot refuses it; another one on the same database goes on.
+    rolled.bench.lifecycle.stop().await;
     rolled.answers("a", "refused").await;
-    // Nobody looks meanwhile; another service on the same database goes on.
     let Bench {
         store,
         fleet,
         clock,
         ..
     } = &rolled.bench;
-    rolled.bench.lifecycle.stop().await;
     let lifecycle = Lifecycle::start(LifecycleSetup {
         store: store.clone(),
         fleet: fleet.clone(),
@@ -242,6 +253,17 @@ async fn robots_that_refuse_halt_it_and_a_restart_changes_nothing() {
     );
     assert_eq!(stages(&shown, 1), ["failed", "underway"]);
     assert_eq!(stages(&shown, 2), ["waiting"; 3]);
+    let resume = async |lost: Value| {
+        let body = json!({ "reason": "looked at", "lost": lost });
+        rolled.ana(&format!("{URI}/{id}/resume"), &body).await
+    };
+    for read in [json!([]), json!([{ "failed": 0, "left_out": 1 }])] {
+        assert_eq!(
+            resume(read).await.told(),
+            "412 version_conflict: wave 1 has 1 failed robots and 0 left out now: more than you \
+             accept"
+        );
+    }
     let deployments = ["c", "d", "e"].map(|name| rolled.bench.lifecycle.ledger(&robot(name)));
     assert!(
         deployments
@@ -282,7 +304,6 @@ async fn a_verified_wave_is_followed_by_the_next_unless_it_is_paused() {
     );
     rolled.answers("a", "applied").await;
     rolled.verify("a").await;
-    tokio::time::sleep(Duration::from_millis(1_500)).await;
     let shown = rolled.shown(id).await;
     assert_eq!(
         (stages(&shown, 1), stages(&shown, 2)),
@@ -340,4 +361,74 @@ async fn a_roll_out_whose_starter_may_not_approve_any_more_halts() {
         "ana, who started the roll-out, may not approve any more"
     );
     assert_eq!(stages(&shown, 2), ["released"]);
+}
+
+#[tokio::test]
+async fn a_proposal_is_in_one_roll_out_that_goes_on() {
+    let rolled = rolled(&["a", "b"]).await;
+    let waves = json!([{ "take": { "robots": 1 } }, { "take": "rest" }]);
+    let first = rolled.start(&waves).await;
+    rolled
+        .until(first, |shown| stages(shown, 1) == ["underway"])
+        .await;
+    let reason = json!({ "reason": "looked at" });
+    let halt = rolled.ana(&format!("{URI}/{first}/halt"), &reason).await;
+    assert_eq!(halt.told(), "200");
+    let second = rolled.start(&json!([{ "take": "rest" }])).await;
+    let resumed = rolled.ana(&format!("{URI}/{first}/resume"), &reason).await;
+    assert_eq!(
+        resumed.told(),
+        "409 robot_taken: roll-out 2, which goes on, has the proposal of robot b"
+    );
+    // Two starts of the same plan at once: the job itself refuses the later one.
+    let robots = rolled.bench.store.rollout_robots(RolloutId(second)).await;
+    let members: Vec<_> = robots.unwrap().into_iter().map(|one| one.member).collect();
+    let started = rolled.bench.lifecycle.start_rollout(StartRollout {
+        q: String::new(),
+        waves: Vec::new(),
+        members,
+        actor: Actor::command_line(),
+        reason: None,
+        now: WallTime(NOW_NS),
+    });
+    let taken = RolloutRefused::Taken {
+        other: RolloutId(second),
+        robot: robot("b"),
+    };
+    assert_eq!(
+        started.await.unwrap_err().to_string(),
+        StoreError::from(taken).to_string()
+    );
+    let rollouts = rolled.bench.get(URI).await.json();
+    assert_eq!(rollouts["items"].as_array().unwrap().len(), 2);
+}
+
+#[tokio::test]
+async fn a_plan_names_the_robots_that_it_leaves_out_with_the_reason() {
+    let rolled = rolled(&["a", "b", "c"]).await;
+    let values = json!({ "steering_offset_rad": 0.03, "lidar_x_m": 0.43, "lidar_y_m": 0.01,
+        "lidar_yaw_rad": 0.01 });
+    let body = json!({ "robot": "a", "values": values, "reason": "by tape, again" });
+    let key = [("idempotency-key", "again")];
+    let uri = "/api/v1/proposals";
+    let made = rolled.bench.of(&rolled.ana, "POST", uri, &key, &body).await;
+    assert_eq!(made.told(), "201", "{}", made.body);
+    let dry = format!("{URI}?dry_run=true");
+    let waves = json!([{ "take": { "robots": 1 } }, { "take": "rest" }]);
+    let plan = json!({ "waves": waves });
+    let left_out = rolled.ana(&dry, &plan).await.json()["left_out"].take();
+    assert_eq!(left_out.as_array().unwrap().len(), 1, "{left_out}");
+    assert_eq!(left_out[0]["robot"], "a");
+    assert_eq!(
+        left_out[0]["reason"],
+        "ana has proposed it, and somebody else has to approve it"
+    );
+    rolled.start(&waves).await;
+    let cy = token(&rolled.bench.store, "cy", grant(Role::Approver), None).await;
+    let plan = rolled.bench.of(&cy, "POST", &dry, &[], &plan).await.json();
+    assert_eq!(plan["waves"][0]["robots"][0]["robot"], "a", "{plan}");
+    let left_out = plan["left_out"].as_array().unwrap().iter();
+    let of_c: Vec<_> = left_out.filter(|one| one["robot"] == "c").collect();
+    assert_eq!(of_c.len(), 1, "{plan}");
+    assert_eq!(of_c[0]["reason"], "roll-out 1 has it");
 }

@@ -4,52 +4,16 @@ use axum::Json;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use fleetcal_domain::webhook::{Secret, Webhook, WebhookEvent, WebhookUrl};
+use fleetcal_documents::{NewWebhookBody, SecretDocument, WebhookDocument, WebhookList};
+use fleetcal_domain::webhook::{Secret, WebhookEvent, WebhookUrl};
 use fleetcal_model::WebhookId;
 use fleetcal_operations::entropy;
 use fleetcal_operations::webhook_dispatcher::{CreateWebhook, DeleteWebhook};
-use jiff::Timestamp;
-use serde::{Deserialize, Serialize};
 
 use crate::ApiState;
 use crate::access::Caller;
 use crate::extract::{Body, NoParameters, Parameters};
 use crate::problem::Problem;
-use crate::time;
-
-/// Receiver of messages.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
-#[schema(as = Webhook)]
-pub(super) struct WebhookDocument {
-    /// Number of the webhook.
-    id: WebhookId,
-    /// Address of the receiver.
-    url: String,
-    /// Events that it receives.
-    events: Vec<WebhookEvent>,
-    /// Person or tool that created it.
-    created_by: String,
-    #[schema(value_type = String, format = DateTime)]
-    created: Timestamp,
-}
-
-impl WebhookDocument {
-    fn of(webhook: Webhook) -> Self {
-        Self {
-            id: webhook.id,
-            url: webhook.url.into(),
-            events: webhook.events,
-            created_by: webhook.created_by,
-            created: time::of(webhook.created_ns),
-        }
-    }
-}
-
-/// List of every webhook.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
-pub(super) struct WebhookList {
-    items: Vec<WebhookDocument>,
-}
 
 /// Lists the webhooks, the oldest first.
 ///
@@ -69,32 +33,6 @@ pub(super) async fn list_webhooks(
     let webhooks = api.store.webhooks().await?;
     let items = webhooks.into_iter().map(WebhookDocument::of).collect();
     Ok(Json(WebhookList { items }))
-}
-
-/// Webhook to be created.
-#[derive(Debug, Deserialize, utoipa::ToSchema)]
-#[schema(as = NewWebhook)]
-#[serde(deny_unknown_fields)]
-pub(super) struct NewWebhookBody {
-    /// Address of the receiver: `http` or `https`, at most 2000 bytes, without user and password.
-    /// The service sends from its own network, so a person who may create webhooks can make it send
-    /// requests to addresses that only it can reach; it reads the answer's status alone.
-    #[schema(max_length = 2000)]
-    url: String,
-    /// Events that it receives; all unless given.
-    #[serde(default)]
-    events: Option<Vec<WebhookEvent>>,
-}
-
-/// Webhook with its secret, which is shown this once.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
-#[schema(as = WebhookWithSecret)]
-pub(super) struct SecretDocument {
-    /// Created webhook.
-    webhook: WebhookDocument,
-    /// Secret that signs its messages: `whsec_` and base64. The service stores it in plain form,
-    /// because it signs with it; it is in the database and in every backup of it.
-    secret: String,
 }
 
 /// Creates a webhook.

@@ -8,8 +8,8 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::Command;
 use fleetcal_domain::limits;
 use fleetcal_fleet::live::LiveUpdate;
-use fleetcal_model::{RolloutId, Version};
-use fleetcal_rollout::{Followed, Rollout, RolloutRefused, RolloutState, Stage, due};
+use fleetcal_model::{RobotId, RolloutId, Version};
+use fleetcal_rollout::{Followed, Member, Rollout, RolloutRefused, RolloutState, Stage, due};
 use fleetcal_store::{RolloutFilter, StoreError};
 use tokio::time::MissedTickBehavior;
 
@@ -19,39 +19,58 @@ use super::rollouts::{AdvanceRollout, ChangeRollout, RolloutChange, StartRollout
 
 /// Interval of the looks at running roll-outs.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// Looks between two attempts to release a robot whose approval was refused.
+/// Looks between two rounds of attempts to release the robots of a roll-out.
 const TRIED_EVERY_LOOKS: u32 = 10;
 
-/// Versions of the running roll-outs at the last look, and the looks since they changed.
+/// Releases of a running roll-out at the last looks.
 #[derive(Debug, Default)]
-struct Looked(BTreeMap<RolloutId, (Version, u32)>);
+struct Round {
+    /// Version of the roll-out; another one begins the round again.
+    version: Version,
+    /// Wave and id of the robot that was tried last in this round.
+    after: Option<(u32, RobotId)>,
+    /// Looks until the next round.
+    rests: u32,
+    /// Refusals that were logged, by robot.
+    refusals: BTreeMap<RobotId, String>,
+}
 
-impl Looked {
-    /// True if the robots of a roll-out are to be released now: it has changed, or it is their turn
-    /// again.
+impl Round {
+    /// True if robots of a roll-out are to be released at this look.
     fn is_turn(&mut self, rollout: &Rollout) -> bool {
-        let (version, looks) = self.0.entry(rollout.id).or_default();
-        if *version != rollout.version {
-            (*version, *looks) = (rollout.version, 0);
+        if self.version != rollout.version {
+            (self.version, self.after, self.rests) = (rollout.version, None, 0);
         }
-        let is_turn = looks.is_multiple_of(TRIED_EVERY_LOOKS);
-        *looks = looks.wrapping_add(1);
+        let is_turn = self.rests == 0;
+        self.rests = self.rests.saturating_sub(1);
         is_turn
     }
+
+    /// Logs a refusal of a robot's release once, and again when it is another one.
+    fn refuse(&mut self, robot: &RobotId, refused: &StoreError) {
+        let refused = refused.to_string();
+        if self.refusals.get(robot) != Some(&refused) {
+            tracing::info!(robot.id = %robot, %refused, "a released robot is not approved");
+            self.refusals.insert(robot.clone(), refused);
+        }
+    }
 }
+
+/// Rounds of the running roll-outs.
+type Rounds = BTreeMap<RolloutId, Round>;
 
 /// Advances the running roll-outs until the lifecycle stops.
 pub(super) async fn attend(lifecycle: Lifecycle) {
     let mut ticks = tokio::time::interval(LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut looked = Looked::default();
+    let mut rounds = Rounds::new();
     let mut failing = false;
     loop {
         tokio::select! {
             () = lifecycle.inner.stop.cancelled() => return,
             _ = ticks.tick() => {}
         }
-        let advanced = lifecycle.look_at_rollouts(&mut looked).await;
+        let advanced = lifecycle.look_at_rollouts(&mut rounds).await;
         match (&advanced, failing) {
             (Err(error), false) => tracing::error!(%error, "roll-outs cannot be advanced"),
             (Ok(()), true) => tracing::info!("roll-outs are advanced again"),
@@ -91,8 +110,11 @@ impl Lifecycle {
         .await
     }
 
-    /// Advances the running roll-outs once.
-    async fn look_at_rollouts(&self, looked: &mut Looked) -> Result<(), StoreError> {
+    /// Advances the running roll-outs once, each whatever becomes of the others.
+    ///
+    /// # Errors
+    /// The first failure of the database.
+    async fn look_at_rollouts(&self, rounds: &mut Rounds) -> Result<(), StoreError> {
         let running = RolloutFilter {
             state: Some(RolloutState::Running),
             before: None,
@@ -100,15 +122,24 @@ impl Lifecycle {
         };
         let rollouts = self.inner.store.rollouts(&running).await?;
         let is_running = |id: &RolloutId| rollouts.iter().any(|one| one.id == *id);
-        looked.0.retain(|id, _| is_running(id));
+        rounds.retain(|id, _| is_running(id));
+        let mut left = limits::DECIDED_TOGETHER;
+        let mut looked = Ok(());
         for rollout in &rollouts {
-            self.advance(rollout, looked).await?;
+            let round = rounds.entry(rollout.id).or_default();
+            looked = looked.and(self.advance(rollout, round, &mut left).await);
         }
-        Ok(())
+        looked
     }
 
-    /// Takes the step that is due for a roll-out, or else releases robots of its begun waves.
-    async fn advance(&self, rollout: &Rollout, looked: &mut Looked) -> Result<(), StoreError> {
+    /// Takes the step that is due for a roll-out, or else releases robots of its begun waves, at
+    /// most `left`.
+    async fn advance(
+        &self,
+        rollout: &Rollout,
+        round: &mut Round,
+        left: &mut usize,
+    ) -> Result<(), StoreError> {
         let (store, id) = (&self.inner.store, rollout.id);
         let robots = store.rollout_robots(id).await?;
         if due(rollout, &rollout.counts(&robots)).is_some() {
@@ -117,57 +148,85 @@ impl Lifecycle {
             self.inner.fleet.announce(LiveUpdate::Rollout);
             return Ok(());
         }
-        if !looked.is_turn(rollout) {
+        if *left == 0 || !round.is_turn(rollout) {
             return Ok(());
         }
-        for robot in &robots {
-            let has_begun = rollout.has_begun(robot.member.wave);
-            if robot.stage(has_begun) != Stage::Released {
-                continue;
-            }
-            match self.release(rollout, robot).await {
-                Ok(()) => {}
-                Err(StoreError::Rollout(refused @ RolloutRefused::MayNotApprove(_))) => {
-                    return self.halt(id, &refused).await;
-                }
-                // Paused or halted meanwhile.
-                Err(StoreError::Rollout(_)) => return Ok(()),
-                Err(refused @ (StoreError::Refused(_) | StoreError::Fenced(_))) => {
-                    let robot = &robot.member.robot;
-                    tracing::info!(robot.id = %robot, %refused, "a released robot is not approved");
-                }
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(())
+        self.release_some(rollout, &robots, (round, left)).await
     }
 
-    /// Approves the proposal of a released robot in the name of who started the roll-out.
-    async fn release(&self, rollout: &Rollout, robot: &Followed) -> Result<(), StoreError> {
-        let member = &robot.member;
+    /// Goes on with a round of releases, until it is over or `left` robots were tried.
+    async fn release_some(
+        &self,
+        rollout: &Rollout,
+        robots: &[Followed],
+        (round, left): (&mut Round, &mut usize),
+    ) -> Result<(), StoreError> {
+        let key = |one: &Followed| (one.member.wave, one.member.robot.clone());
+        let is_released = |one: &&Followed| {
+            one.stage(rollout.has_begun(one.member.wave)) == Stage::Released
+                && round.after.as_ref().is_none_or(|after| key(one) > *after)
+        };
+        let mut released: Vec<_> = robots.iter().filter(is_released).collect();
+        released.sort_by_key(|one| key(one));
+        let mut done = Ok(());
+        for one in released {
+            let Some(command) = self.awaited(rollout, &one.member) else {
+                continue;
+            };
+            if *left == 0 || self.inner.stop.is_cancelled() {
+                return done;
+            }
+            *left -= 1;
+            round.after = Some(key(one));
+            let robot = &one.member.robot;
+            match self.release(rollout, &one.member, command).await {
+                Ok(()) => drop(round.refusals.remove(robot)),
+                Err(StoreError::Rollout(refused @ RolloutRefused::MayNotApprove(_))) => {
+                    return done.and(self.halt(rollout.id, &refused).await);
+                }
+                // Paused or halted meanwhile.
+                Err(StoreError::Rollout(_)) => return done,
+                Err(refused @ (StoreError::Refused(_) | StoreError::Fenced(_))) => {
+                    round.refuse(robot, &refused);
+                }
+                Err(error) => done = done.and(Err(error)),
+            }
+        }
+        (round.after, round.rests) = (None, TRIED_EVERY_LOOKS - 1);
+        done
+    }
+
+    /// Approval of a released robot's proposal in the name of who started the roll-out; `None` if
+    /// it is given already, or another instance estimates the robot.
+    fn awaited(&self, rollout: &Rollout, member: &Member) -> Option<Command> {
         let membership = &self.inner.membership;
         let uptime = self.inner.clock.uptime();
         if !membership.has(&member.robot) || !membership.may_act(uptime) {
-            return Ok(());
+            return None;
         }
         let ledger = self.ledger(&member.robot);
-        let open = ledger.open.as_ref();
+        let open = ledger.open.as_ref()?;
         let approver = &rollout.approver.name;
-        let awaited = open.filter(|open| {
-            let is_approved = open.approvals.iter().any(|one| one.by == *approver);
-            open.id == member.proposal && open.revision == member.revision && !is_approved
-        });
-        let Some(open) = awaited else {
-            return Ok(());
-        };
-        let command = Command::Approve {
+        let is_approved = open.approvals.iter().any(|one| one.by == *approver);
+        if open.id != member.proposal || open.revision != member.revision || is_approved {
+            return None;
+        }
+        Some(Command::Approve {
             proposal: open.id,
             version: None,
             sha256: open.revision_sha256.clone(),
             reason: Some(rollout.reason_of(member.wave)),
-        };
+        })
+    }
+
+    async fn release(
+        &self,
+        rollout: &Rollout,
+        member: &Member,
+        command: Command,
+    ) -> Result<(), StoreError> {
         let actor = Actor {
-            name: approver.clone(),
+            name: rollout.approver.name.clone(),
             authentication: rollout.approver.authentication,
             role: rollout.approver.role,
             request: None,
@@ -191,6 +250,10 @@ impl Lifecycle {
             actor: Actor::service(),
             now: self.inner.clock.now(),
         };
-        self.change_rollout(halt).await.map(drop)
+        match self.change_rollout(halt).await {
+            // Another instance has halted it, or a person.
+            Ok(_) | Err(StoreError::Rollout(RolloutRefused::State { .. })) => Ok(()),
+            Err(error) => Err(error),
+        }
     }
 }

@@ -3,9 +3,10 @@
 use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::audit::Action;
+use fleetcal_domain::limits;
 use fleetcal_domain::webhook::Message;
 use fleetcal_model::{RolloutId, Version, WallTime};
-use fleetcal_rollout::{Changed, Event, Member, Rollout, RolloutRefused, WavePlan, due};
+use fleetcal_rollout::{Changed, Event, Lost, Member, Rollout, RolloutRefused, WavePlan, due};
 use fleetcal_store::{AuditEntry, Job, Records, StoreError};
 
 use crate::webhook_dispatcher::outbox;
@@ -32,6 +33,10 @@ impl Job for StartRollout {
     type Done = Rollout;
 
     async fn run(&self, records: &mut dyn Records) -> Result<Rollout, StoreError> {
+        let is_blank = |reason: &String| reason.trim().is_empty();
+        if self.reason.as_ref().is_some_and(is_blank) {
+            return Err(RolloutRefused::ReasonMissing.into());
+        }
         let rollout = Rollout::start(
             records.next_rollout().await?,
             self.q.clone(),
@@ -44,18 +49,20 @@ impl Job for StartRollout {
         records
             .add_rollout_robots(rollout.id, &self.members)
             .await?;
+        check_beside(records, rollout.id).await?;
         audit(records, None, &rollout, Action::StartRollout, &self.actor).await?;
         Ok(rollout)
     }
 }
 
 /// Change of a roll-out that a person decides.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum RolloutChange {
     /// Releases no further robot for now.
     Pause,
-    /// Releases robots again; what halted it is accepted.
-    Resume,
+    /// Releases robots again. After a halt, the lost robots of each wave that the person has read
+    /// are accepted.
+    Resume(Vec<Lost>),
     /// Releases no further robot, since something is wrong.
     Halt,
 }
@@ -91,12 +98,15 @@ impl Job for ChangeRollout {
         if self.reason.trim().is_empty() {
             return Err(RolloutRefused::ReasonMissing.into());
         }
-        let event = match self.change {
+        let event = match &self.change {
             RolloutChange::Pause => Event::Pause,
             RolloutChange::Halt => Event::Halt,
-            RolloutChange::Resume => {
+            RolloutChange::Resume(read) => {
+                check_beside(records, self.id).await?;
                 let robots = records.rollout_robots(self.id).await?;
-                Event::Resume(before.counts(&robots))
+                let counts = before.counts(&robots);
+                before.check_read(&counts, read)?;
+                Event::Resume(counts)
             }
         };
         let reason = self.reason.clone();
@@ -128,6 +138,17 @@ impl Job for AdvanceRollout {
         let by = (&Actor::service(), reason);
         take(records, &before, &event, by, self.now).await.map(Some)
     }
+}
+
+/// Refuses a roll-out that would release what another one does, or that would be one too many.
+async fn check_beside(records: &mut dyn Records, id: RolloutId) -> Result<(), StoreError> {
+    if let Some((other, robot)) = records.rollout_taken(id).await? {
+        return Err(RolloutRefused::Taken { other, robot }.into());
+    }
+    if records.rollouts_beside(id).await? >= limits::ROLLOUTS_RUNNING_MAX {
+        return Err(RolloutRefused::TooMany.into());
+    }
+    Ok(())
 }
 
 /// Takes an event of a roll-out: stores it with its audit, and reports a halt to webhooks.

@@ -1,7 +1,7 @@
 //! Records of roll-outs.
 
 use async_trait::async_trait;
-use fleetcal_model::RolloutId;
+use fleetcal_model::{RobotId, RolloutId};
 use fleetcal_rollout::{Followed, Member, Rollout};
 
 use crate::error::StoreError;
@@ -24,6 +24,15 @@ pub trait RolloutRecords {
         id: RolloutId,
         members: &[Member],
     ) -> Result<(), StoreError>;
+
+    /// Number of the other roll-outs that run or are paused.
+    async fn rollouts_beside(&mut self, id: RolloutId) -> Result<u32, StoreError>;
+
+    /// Another roll-out, running or paused, that has a proposal of this one too, with its robot.
+    async fn rollout_taken(
+        &mut self,
+        id: RolloutId,
+    ) -> Result<Option<(RolloutId, RobotId)>, StoreError>;
 
     /// Robots of a roll-out with the present states of their proposals, by wave and id.
     async fn rollout_robots(&mut self, id: RolloutId) -> Result<Vec<Followed>, StoreError>;

@@ -34,6 +34,8 @@ impl Run<'_> {
         let rollout = Rollout::start(id, q, waves, &Actor::command_line(), reason, self.now);
         ask!(self, save_rollout(&rollout));
         ask!(self, add_rollout_robots(id, &members));
+        ask!(self, rollouts_beside(id));
+        ask!(self, rollout_taken(id));
         let former = RolloutId(self.chance.random_range(0..=id.0));
         let before = ask!(self, rollout(former));
         ask!(self, rollout(RolloutId(u64::MAX)));
