@@ -156,7 +156,7 @@ impl Bench {
         verification: bool,
     ) -> Option<&'static str> {
         let command = self.due(Some(estimate), verification)?;
-        let name = match command {
+        let name = match &command {
             Command::Propose { .. } => "propose",
             Command::Supersede { .. } => "supersede",
             Command::Refresh { .. } => "refresh",
