@@ -152,7 +152,8 @@ async fn a_sender_that_does_not_wait_is_shed_and_counted() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_signal_ends_it_in_order_while_robots_send() {
     let folder = TempDir::new().unwrap();
-    let path = recorded(&folder, 60.0);
+    // At ten times its pace it is still sent when a busy machine has stored ten seconds of history.
+    let path = recorded(&folder, 240.0);
     let mut service = Service::start(&["tugger_01"]);
     let mut options = sender(&service, &path, "tugger_01");
     options.rate = Rate::Times(10.0);

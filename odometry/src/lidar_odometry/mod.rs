@@ -479,7 +479,7 @@ impl LidarOdometry {
         let mut last = self.motion.as_ref().map(|motion| motion.pose);
         let mut candidates = correlative_search::CANDIDATES;
         if !self.track.distrusts(&solution.fit) {
-            window = window.within(predicted.pose_sigmas());
+            window = window.within(predicted.pose_reach());
             last = None;
             candidates = correlative_search::CANDIDATES_BESIDE;
         }

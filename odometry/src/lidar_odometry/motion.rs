@@ -93,13 +93,26 @@ impl Motion {
     /// One sigma of the position along its best known axis, m, and of the yaw, rad. A corridor's
     /// axis does not count.
     pub fn pose_sigmas(&self) -> (f64, f64) {
+        let [least, _] = self.position_variances();
+        (least.max(0.0).sqrt(), self.covariance[(2, 2)].sqrt())
+    }
+
+    /// One sigma of the position along its least known axis, m, and of the yaw, rad: what lies beyond
+    /// some of them is not expected anywhere.
+    pub fn pose_reach(&self) -> (f64, f64) {
+        let [_, most] = self.position_variances();
+        (most.max(0.0).sqrt(), self.covariance[(2, 2)].sqrt())
+    }
+
+    /// Variances of the position along its principal axes, the smaller first, m^2.
+    fn position_variances(&self) -> [f64; 2] {
         let (xx, xy, yy) = (
             self.covariance[(0, 0)],
             self.covariance[(0, 1)],
             self.covariance[(1, 1)],
         );
-        let least = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
-        (least.max(0.0).sqrt(), self.covariance[(2, 2)].sqrt())
+        let (mean, half) = (0.5 * (xx + yy), (0.25 * (xx - yy).powi(2) + xy * xy).sqrt());
+        [mean - half, mean + half]
     }
 
     /// True if there was a scan before to know the velocity from.

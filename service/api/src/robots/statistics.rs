@@ -1,11 +1,10 @@
-//! Route `GET /fleet/statistics`: what the values of many robots say together.
+//! Route `GET /fleet/statistics`: statistics of the robots of a view, and what they have in common.
 
 use axum::Json;
 use axum::extract::State;
 use fleetcal_model::WallTime;
 use fleetcal_statistics::{
-    CommonCause, FOUR, GroupStatistics, Grouping, Known, Member, Robot, Unlike, common_causes,
-    groups, unlike,
+    CommonCause, GroupStatistics, Grouping, Member, Robot, Unlike, common_causes, groups, unlike,
 };
 use fleetcal_view::Query;
 use serde::{Deserialize, Serialize};

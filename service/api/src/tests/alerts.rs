@@ -198,7 +198,7 @@ async fn a_webhook_shows_its_secret_once_and_refuses_by_name() {
         secret.starts_with("whsec_") && secret.len() > 40,
         "{secret}"
     );
-    assert_eq!(made["webhook"]["events"].as_array().unwrap().len(), 3);
+    assert_eq!(made["webhook"]["events"].as_array().unwrap().len(), 4);
     let listed = bench.get(uri).await;
     assert_eq!(listed.json()["items"][0], made["webhook"]);
     let audit = bench.get("/api/v1/audit").await;

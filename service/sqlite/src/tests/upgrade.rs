@@ -162,6 +162,8 @@ async fn forget_migrations(raw: &mut sqlx::SqliteConnection, from: i64) {
         .await
         .unwrap();
     for added in [
+        "DROP TABLE rollout_robot",
+        "DROP TABLE rollout",
         "DROP TABLE setup_code",
         "DROP TABLE certificate",
         "ALTER TABLE robot DROP COLUMN drawn_by",
