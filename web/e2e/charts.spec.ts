@@ -1,4 +1,4 @@
-/** What charts tell beside their lines: consistency, events, another robot, and a closer look. */
+/** Charts beyond their lines: consistency, events, another robot, and a closer look. */
 
 import { readFile } from 'node:fs/promises';
 import type { Locator, Page } from '@playwright/test';

@@ -189,7 +189,7 @@ causes! {
         "Poses are those of the rear axle.",
         "Send the pose of the LiDAR's own frame, before any transform to base_link.";
     PoseFrame, "pose_frame", Pose, SOON, false,
-        "Poses are said to be of the vehicle's frame.",
+        "Poses name the vehicle's frame.",
         "Send the pose of the LiDAR's own frame, and name that frame in child_frame_id.";
     SpeedZero, "speed_zero", Speed, LONG, true,
         "The speed stays 0 while the LiDAR moves.",

@@ -112,11 +112,6 @@ impl StreamWatch {
             .get_or_insert_with(|| cut(reason).to_owned());
     }
 
-    /// Names of the frames so far.
-    pub fn frames(&self) -> impl Iterator<Item = &str> {
-        self.frames.iter().map(|(name, _)| name.as_str())
-    }
-
     /// Returns the suspicions from this stream alone.
     pub fn suspicions(&self) -> Vec<Suspicion> {
         let name = self.stream.name();

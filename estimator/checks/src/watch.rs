@@ -217,6 +217,7 @@ mod tests {
                     stream,
                     stamp: RobotTime(arrival_ns),
                     frame: "",
+                    child_frame: None,
                     arrival_ns,
                 };
                 let speed_mps = 1.0 + 0.4 * (0.7 * self.time_s).sin();

@@ -22,7 +22,7 @@ pub struct Consistency {
     /// services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nis_range: Option<[f64; 2]>,
-    /// Whether the model explains the data; absent before there are enough updates, and in documents
+    /// Fit of the model to the data; absent before there are enough updates, and in documents
     /// of older services.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fit: Option<ModelFit>,
@@ -31,7 +31,7 @@ pub struct Consistency {
     pub innovation: Option<Innovation>,
 }
 
-/// Whether the model explains the data.
+/// Fit of the model to the data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]

@@ -181,7 +181,10 @@ fn vehicle_of(
     let model = arguments.model.map(VehicleModel::from);
     let mut config = match entry {
         Some(entry) => entry.clone(),
-        None => RobotConfig::of_vehicle(model_of(model, described)?, wheelbase),
+        None => RobotConfig {
+            speed_measured_at: described.speed_measured_at.filter(|_| model.is_none()),
+            ..RobotConfig::of_vehicle(model_of(model, described)?, wheelbase)
+        },
     };
     config.wheelbase_m = wheelbase;
     if let Some(model) = model {

@@ -80,6 +80,7 @@ impl<C: Inputs> JoiningChecks<C> {
         let Some(Sighting {
             stamp,
             frame,
+            child_frame,
             content,
         }) = sighting
         else {
@@ -89,6 +90,7 @@ impl<C: Inputs> JoiningChecks<C> {
             stream,
             stamp: *stamp,
             frame,
+            child_frame: child_frame.as_deref(),
             arrival_ns,
         };
         match content {

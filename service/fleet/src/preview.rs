@@ -34,9 +34,9 @@ pub struct Preview {
     pub dropped: u64,
 }
 
-/// Previews of all robots, by their ids.
+/// Previews of all robots, in the order in which they were begun.
 #[derive(Debug, Default)]
-pub(crate) struct Previews(Mutex<BTreeMap<RobotId, Arc<Previewed>>>);
+pub(crate) struct Previews(Mutex<Vec<Arc<Previewed>>>);
 
 /// Locks a mutex. What it guards is whole after every statement, or dropped after a panic.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -45,7 +45,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Previews {
     /// Finds the preview of a robot by a configuration, or begins one; returns it, and whether it was
-    /// begun. `None` if there are [`PREVIEWS_MAX`] others.
+    /// begun. `None` if there are [`PREVIEWS_MAX`] of as many other robots.
     pub(crate) fn ask(
         &self,
         robot: &RobotId,
@@ -54,33 +54,42 @@ impl Previews {
         now: Duration,
     ) -> Option<(Arc<Previewed>, bool)> {
         let mut all = lock(&self.0);
-        if let Some(known) = all.get(robot)
-            && known.config == config
-        {
+        let is_it = |one: &&Arc<Previewed>| one.robot == *robot && one.config == config;
+        if let Some(known) = all.iter().find(is_it) {
             lock(&known.waiting).asked = now;
             return Some((Arc::clone(known), false));
         }
-        if all.len() >= PREVIEWS_MAX && !all.contains_key(robot) {
-            return None;
+        if all.len() >= PREVIEWS_MAX {
+            let place = dispensable(&all, robot)?;
+            all.remove(place);
         }
-        let begun = Arc::new(Previewed::new(config, defaults, now));
-        all.insert(robot.clone(), Arc::clone(&begun));
+        let begun = Arc::new(Previewed::new(robot.clone(), config, defaults, now));
+        all.push(Arc::clone(&begun));
         Some((begun, true))
     }
 
-    /// Keeps a message of a robot that has a preview, except notes.
+    /// Keeps a message of a robot for each of its previews, except notes.
     pub(crate) fn keep(&self, robot: &RobotId, stream: Stream, message: impl FnOnce() -> Message) {
-        let found = lock(&self.0).get(robot).cloned();
-        if let Some(found) = found
-            && stream != Stream::Event
-        {
-            lock(&found.waiting).push(message());
+        if stream == Stream::Event {
+            return;
+        }
+        let is_of = |one: &&Arc<Previewed>| one.robot == *robot;
+        let found: Vec<_> = lock(&self.0).iter().filter(is_of).cloned().collect();
+        if let Some((last, others)) = found.split_last() {
+            let message = message();
+            for other in others {
+                lock(&other.waiting).push(message.clone());
+            }
+            lock(&last.waiting).push(message);
         }
     }
 
-    /// Drops the preview of a robot; returns whether there was one.
+    /// Drops the previews of a robot; returns whether there were any.
     pub(crate) fn end(&self, robot: &RobotId) -> bool {
-        lock(&self.0).remove(robot).is_some()
+        let mut all = lock(&self.0);
+        let before = all.len();
+        all.retain(|one| one.robot != *robot);
+        all.len() < before
     }
 
     /// Drops the previews that nobody has requested for [`PREVIEW_KEPT`]; returns whether there were
@@ -88,19 +97,26 @@ impl Previews {
     pub(crate) fn tick(&self, now: Duration) -> bool {
         let mut all = lock(&self.0);
         let before = all.len();
-        all.retain(|_, one| now.saturating_sub(lock(&one.waiting).asked) < PREVIEW_KEPT);
+        all.retain(|one| now.saturating_sub(lock(&one.waiting).asked) < PREVIEW_KEPT);
         all.len() < before
     }
 
-    /// Returns the topics of the robots that have a preview.
+    /// Returns the topics of the robots that have a preview: of several of one robot, those of the
+    /// preview that was begun last.
     pub(crate) fn streams(&self) -> BTreeMap<RobotId, RobotStreams> {
         let all = lock(&self.0);
-        let streams = |(id, one): (&RobotId, &Arc<Previewed>)| {
-            let streams = one.config.streams.clone();
-            (id.clone(), streams)
-        };
+        let streams = |one: &Arc<Previewed>| (one.robot.clone(), one.config.streams.clone());
         all.iter().map(streams).collect()
     }
+}
+
+/// Returns the place of the preview that ends for another one of this robot: the least recently
+/// requested of those that are the robot's, or of a robot that has several.
+fn dispensable(all: &[Arc<Previewed>], robot: &RobotId) -> Option<usize> {
+    let count = |of: &RobotId| all.iter().filter(|one| one.robot == *of).count();
+    let may_end = |one: &Previewed| one.robot == *robot || count(&one.robot) > 1;
+    let places = (0..all.len()).filter(|&place| may_end(&all[place]));
+    places.min_by_key(|&place| lock(&all[place].waiting).asked)
 }
 
 /// Messages that wait for the next request.
@@ -127,17 +143,24 @@ impl Waiting {
     }
 }
 
-/// Preview of one robot.
+/// Preview of one robot by one configuration.
 #[derive(Debug)]
 pub(crate) struct Previewed {
+    robot: RobotId,
     config: RobotConfig,
     waiting: Mutex<Waiting>,
     reader: Mutex<Reader>,
 }
 
 impl Previewed {
-    fn new(config: RobotConfig, defaults: &EstimatorSettings, now: Duration) -> Self {
+    fn new(
+        robot: RobotId,
+        config: RobotConfig,
+        defaults: &EstimatorSettings,
+        now: Duration,
+    ) -> Self {
         Self {
+            robot,
             reader: Mutex::new(Reader::new(&config, defaults)),
             waiting: Mutex::new(Waiting {
                 messages: VecDeque::new(),

@@ -317,11 +317,12 @@ impl Message<'_> {
             }
             (Stream::LidarOdometry, MessageType::PoseStamped) => {
                 let message: PoseStamped = self.decoded()?;
-                Sighting::of_pose(&message.header, &message.header.frame_id, &message.pose)
+                Sighting::of_pose(&message.header, None, &message.pose)
             }
             (Stream::LidarOdometry, _) => {
                 let message: Odometry = self.decoded()?;
-                Sighting::of_pose(&message.header, &message.child_frame_id, &message.pose.pose)
+                let child_frame = Some(message.child_frame_id.as_str());
+                Sighting::of_pose(&message.header, child_frame, &message.pose.pose)
             }
             (Stream::WheelOdometry, MessageType::DriveSamples) => {
                 let message: DriveSamples = self.decoded()?;

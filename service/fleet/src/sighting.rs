@@ -8,8 +8,10 @@ use fleetcal_proto::ros::{Header, MeasuredDrive, Pose, Units};
 pub struct Sighting {
     /// Its header stamp, or that of the last drive sample in it.
     pub stamp: RobotTime,
-    /// Name of its frame: of a pose, the frame that is at the pose.
+    /// Name of its frame: of an `Odometry`, the frame that is at the pose.
     pub frame: String,
+    /// Name of the frame that is at a pose; `None` of a message that does not state it.
+    pub child_frame: Option<String>,
     /// Its content.
     pub content: Sighted,
 }
@@ -45,6 +47,7 @@ impl Sighting {
         Self {
             stamp: RobotTime(header.stamp.as_ns()),
             frame: header.frame_id.clone(),
+            child_frame: None,
             content,
         }
     }
@@ -64,11 +67,12 @@ impl Sighting {
         Self {
             stamp: RobotTime(stamp),
             frame: String::new(),
+            child_frame: None,
             content: Sighted::Samples(samples.iter().map(in_units).collect()),
         }
     }
 
-    pub(crate) fn of_pose(header: &Header, frame: &str, pose: &Pose) -> Self {
+    pub(crate) fn of_pose(header: &Header, child_frame: Option<&str>, pose: &Pose) -> Self {
         let (q, at) = (&pose.orientation, &pose.position);
         let length = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
         let upright = 1.0 - 2.0 * (q.x * q.x + q.y * q.y) / length;
@@ -77,8 +81,45 @@ impl Sighting {
             tilt_rad: upright.clamp(-1.0, 1.0).acos(),
         };
         Self {
-            frame: frame.to_owned(),
+            frame: child_frame.unwrap_or(&header.frame_id).to_owned(),
+            child_frame: child_frame.map(str::to_owned),
             ..Self::of(header, content)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetcal_model::Stream;
+    use fleetcal_proto::message_type::{Form, MessageType};
+    use fleetcal_proto::ros::{Odometry, PoseStamped, RosMessage};
+
+    use super::*;
+    use crate::reading::{Message, ReadingSettings};
+
+    fn sighted<M: RosMessage>(message: &M) -> Sighting {
+        let form = Form {
+            message_type: MessageType::of_ros_type(M::TYPE),
+            ..Form::default()
+        };
+        let message = Message {
+            stream: Stream::LidarOdometry,
+            form,
+            payload: &message.to_cdr(),
+            arrived: RobotTime(0),
+        };
+        message.sight(&ReadingSettings::default()).unwrap()
+    }
+
+    #[test]
+    fn the_frame_of_a_pose_stamped_is_not_the_one_at_the_pose() {
+        let mut stamped = PoseStamped::default();
+        "base_link".clone_into(&mut stamped.header.frame_id);
+        assert_eq!(sighted(&stamped).child_frame, None);
+        let mut odometry = Odometry::default();
+        "odom".clone_into(&mut odometry.header.frame_id);
+        "base_link".clone_into(&mut odometry.child_frame_id);
+        let child_frame = sighted(&odometry).child_frame;
+        assert_eq!(child_frame.as_deref(), Some("base_link"));
     }
 }

@@ -1,5 +1,6 @@
 //! Client of a running service's API, for commands that read from it.
 
+use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -7,7 +8,8 @@ use fleetcal_domain::limits;
 use http_body_util::{BodyExt as _, Empty, Limited};
 use hyper::body::{Bytes, Incoming};
 use hyper::header::{AUTHORIZATION, HeaderValue, USER_AGENT};
-use hyper::{Request, Response};
+use hyper::http::uri::Scheme;
+use hyper::{Request, Response, Uri};
 use hyper_rustls::{HttpsConnector, HttpsConnectorBuilder};
 use hyper_util::client::legacy::Client;
 use hyper_util::client::legacy::connect::HttpConnector;
@@ -27,6 +29,12 @@ pub enum ApiError {
     /// Address or token that cannot be sent.
     #[error("the request cannot be made: {0}")]
     Request(#[from] hyper::http::Error),
+    /// Address to which a token would be sent without encryption.
+    #[error(
+        "--url: got {0}, expected https://…; --plaintext permits http:// on a network that nobody \
+         else reaches: the token passes over it"
+    )]
+    Plaintext(String),
     /// Certificates that cannot be read.
     #[error("--authorities: {path}: {reason}", path = path.display())]
     Authorities {
@@ -72,11 +80,20 @@ pub struct ApiClient {
 
 impl ApiClient {
     /// Makes a client of the service at `url` that trusts the machine's authorities, or those of a
-    /// file.
+    /// file. Beyond this machine `plaintext` permits http.
     ///
     /// # Errors
-    /// The token or the file cannot be used.
-    pub fn new(url: &str, token: &str, authorities: Option<&Path>) -> Result<Self, ApiError> {
+    /// The address, the token or the file cannot be used.
+    pub fn new(
+        url: &str,
+        token: &str,
+        authorities: Option<&Path>,
+        plaintext: bool,
+    ) -> Result<Self, ApiError> {
+        let uri = Uri::try_from(url).map_err(hyper::http::Error::from)?;
+        if !plaintext && !is_confidential(&uri) {
+            return Err(ApiError::Plaintext(url.to_owned()));
+        }
         let mut authorization =
             HeaderValue::try_from(format!("Bearer {token}")).map_err(hyper::http::Error::from)?;
         authorization.set_sensitive(true);
@@ -144,11 +161,10 @@ impl ApiClient {
         }
         let status = answer.status().as_u16();
         let body = Limited::new(answer.into_body(), limits::SUPPORT_DOCUMENT_BYTES_MAX);
-        let body = body
-            .collect()
-            .await
-            .map(http_body_util::Collected::to_bytes);
-        let problem = serde_json::from_slice(&body.unwrap_or_default());
+        // A refusal whose reason does not come is one.
+        let body = tokio::time::timeout(SILENCE_MAX, body.collect()).await;
+        let body = body.ok().and_then(Result::ok).unwrap_or_default();
+        let problem = serde_json::from_slice(&body.to_bytes());
         let problem: serde_json::Value = problem.unwrap_or_default();
         let detail = problem["detail"].as_str().or(problem["title"].as_str());
         Err(ApiError::Refused {
@@ -166,6 +182,14 @@ impl ApiClient {
     }
 }
 
+/// True if nobody else can read what is sent there: it is encrypted, or stays on this machine.
+fn is_confidential(uri: &Uri) -> bool {
+    let host = uri.host().unwrap_or_default();
+    let host = host.trim_start_matches('[').trim_end_matches(']');
+    let is_loopback = host.parse().is_ok_and(|of: IpAddr| of.is_loopback());
+    uri.scheme() == Some(&Scheme::HTTPS) || is_loopback || host == "localhost"
+}
+
 fn not_trusted(error: PeersError) -> ApiError {
     match error {
         PeersError::Certificates { path, reason } => ApiError::Authorities { path, reason },
@@ -175,3 +199,29 @@ fn not_trusted(error: PeersError) -> ApiError {
 
 /// Reason of a request that was not answered in time.
 const SILENT: &str = "it was silent for 30 s";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_token_stays_on_the_machine_or_is_encrypted() {
+        let refusal = |url: &str, plaintext| {
+            let made = ApiClient::new(url, "cal_a", None, plaintext);
+            made.err().map(|refused| refused.to_string())
+        };
+        for url in [
+            "http://127.0.0.1:8080",
+            "http://[::1]:8080/",
+            "http://localhost",
+            "https://fleetcal.example.com",
+        ] {
+            assert_eq!(refusal(url, false), None, "{url}");
+        }
+        for url in ["http://10.0.0.2:8080", "http://127.0.0.1.example.com"] {
+            let refused = refusal(url, false).unwrap_or_default();
+            assert!(refused.starts_with(&format!("--url: got {url}, expected https")));
+            assert_eq!(refusal(url, true), None, "{url}");
+        }
+    }
+}

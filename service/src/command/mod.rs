@@ -262,9 +262,12 @@ impl CommandError {
             | Self::RouterIsRobot(_)
             | Self::StreamOfAll(_)
             | Self::NoToken
-            | Self::Api(ApiError::Refused {
-                status: 400..=499, ..
-            })
+            | Self::Api(
+                ApiError::Plaintext(_)
+                | ApiError::Refused {
+                    status: 400..=499, ..
+                },
+            )
             | Self::Passwords { .. }
             | Self::Identity { .. } => EXIT_USAGE,
             Self::Audit(fault) => fault.exit_status(),

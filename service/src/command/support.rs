@@ -33,6 +33,9 @@ pub struct Arguments {
     /// Certificates of the authorities to trust, PEM; the machine's unless given
     #[arg(long, value_name = "FILE")]
     pub authorities: Option<PathBuf>,
+    /// Lets the token be sent to another machine without TLS: anybody on the network can read it
+    #[arg(long)]
+    pub plaintext: bool,
     /// The archive to write; ROBOT-support.zip unless given. An existing file is replaced when the
     /// new one is complete
     #[arg(long, value_name = "FILE")]
@@ -62,7 +65,7 @@ struct Listed {
 pub async fn run(arguments: &Arguments) -> Result<(), CommandError> {
     let token = token(arguments)?;
     let authorities = arguments.authorities.as_deref();
-    let service = ApiClient::new(&arguments.url, &token, authorities)?;
+    let service = ApiClient::new(&arguments.url, &token, authorities, arguments.plaintext)?;
     let path = format!("/robots/{}/support", arguments.robot);
     let document = service.document(&format!("{path}?list=true")).await?;
     let list: List = serde_json::from_slice(&document)

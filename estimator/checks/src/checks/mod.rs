@@ -58,8 +58,10 @@ pub struct Head<'m> {
     pub stream: Stream,
     /// Its header stamp.
     pub stamp: RobotTime,
-    /// Name of its frame: of a pose, the frame that is at the pose.
+    /// Name of its frame.
     pub frame: &'m str,
+    /// Name of the frame that is at a pose, where the message states it.
+    pub child_frame: Option<&'m str>,
     /// Time of arrival, ns, by a clock that is the same for all streams.
     pub arrival_ns: i64,
 }
@@ -78,6 +80,8 @@ pub struct Checks {
     ages: AgeWatch,
     scans: ScanWatch,
     poses: PoseWatch,
+    /// Frame of the vehicle that poses name as theirs, of [`VEHICLE_FRAMES`].
+    vehicle_frame: Option<&'static str>,
     wrap: SteeringWrap,
     /// Shift of the LiDAR's stamps, s, once it is known.
     aligned_s: Option<f64>,
@@ -111,6 +115,7 @@ impl Checks {
             ages: AgeWatch::default(),
             scans: ScanWatch::default(),
             poses: PoseWatch::default(),
+            vehicle_frame: None,
             wrap: SteeringWrap::default(),
             aligned_s: None,
             origin: None,
@@ -192,6 +197,10 @@ impl Checks {
     /// Adds a pose that the robot sends for its LiDAR, and the tilt of the pose's z axis, rad.
     pub fn take_pose(&mut self, head: &Head<'_>, pose: Pose2, tilt_rad: f64) {
         self.arrive(head);
+        let name = head.child_frame.and_then(|frame| frame.rsplit('/').next());
+        let is_named = |frame: &&str| Some(*frame) == name;
+        let vehicles = VEHICLE_FRAMES.into_iter().find(is_named);
+        self.vehicle_frame = self.vehicle_frame.or(vehicles);
         if self.rests {
             return;
         }
@@ -479,19 +488,14 @@ impl Checks {
 
     /// Poses that name the vehicle's frame, unless they move otherwise or are found to be the rear axle's.
     fn pose_frame(&self) -> Option<Suspicion> {
-        let poses = self.of(&[Stream::LidarOdometry])?;
-        let is_vehicles = |frame: &&str| {
-            let name = frame.rsplit('/').next().unwrap_or_default();
-            VEHICLE_FRAMES.contains(&name)
-        };
-        let frame = poses.frames().find(is_vehicles)?;
+        let frame = self.vehicle_frame?;
         let mount = self.motion.as_ref().and_then(|motion| motion.mount);
         let is_elsewhere = mount.is_some_and(|mount| naming::is_off_centre(&mount));
         let is_base = |finding: Finding| finding.cause == Some(Cause::BasePose);
         if is_elsewhere || self.patience.named().any(is_base) {
             return None;
         }
-        let seen = format!("the poses are said to be of {frame}, and to be the LiDAR's");
+        let seen = format!("the poses name {frame}, and stand for the LiDAR");
         Some(Suspicion::new(Cause::PoseFrame, seen))
     }
 

@@ -34,6 +34,7 @@ impl Case {
                     stream,
                     stamp,
                     frame: "",
+                    child_frame: None,
                     arrival_ns: stamp.0,
                 };
                 match stream {
@@ -89,6 +90,7 @@ fn a_pose_that_is_no_number_spoils_nothing() {
         stream: Stream::LidarOdometry,
         stamp: RobotTime(1_005 * S_NS),
         frame: "",
+        child_frame: None,
         arrival_ns: 1_005 * S_NS,
     };
     let pose = Pose2 {
@@ -138,11 +140,8 @@ fn driven(
         let head = |stream| Head {
             stream,
             stamp,
-            frame: if stream == Stream::LidarOdometry {
-                frame
-            } else {
-                ""
-            },
+            frame: "base_link",
+            child_frame: Some(frame).filter(|_| stream == Stream::LidarOdometry),
             arrival_ns: stamp.0,
         };
         if tick % 2 == 0 {
@@ -160,7 +159,7 @@ fn driven(
 }
 
 #[test]
-fn poses_that_are_said_to_be_of_the_vehicle_are_doubted_until_they_move_otherwise() {
+fn poses_that_name_the_vehicle_are_doubted_until_they_move_otherwise() {
     let named = |x_m, y_m, frame, lasts_s| {
         let lidar_in_base = Pose2::new(x_m, y_m, 0.0);
         driven(VehicleModel::Bicycle, false, &lidar_in_base, frame, lasts_s)

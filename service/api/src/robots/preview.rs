@@ -1,4 +1,4 @@
-//! Route `POST /robots/{id}/preview`: what an unregistered robot sends, by a configuration that is not
+//! Route `POST /robots/{id}/preview`: messages of an unregistered robot by a configuration that is not
 //! stored.
 
 use axum::Json;
@@ -14,7 +14,7 @@ use crate::ApiState;
 use crate::extract::{Body, NoParameters, Parameters, RobotPath};
 use crate::problem::Problem;
 
-/// What an unregistered robot sends, by a configuration that is not stored.
+/// Content of an unregistered robot's messages, by a configuration that is not stored.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Preview)]
 pub(super) struct PreviewDocument {
@@ -27,7 +27,7 @@ pub(super) struct PreviewDocument {
     dropped: u64,
 }
 
-/// Reads what an unregistered robot sends by this configuration, and stores nothing.
+/// Reads the messages of an unregistered robot by this configuration, and stores nothing.
 ///
 /// The robot's messages are kept from the first request on, and from the first with another
 /// configuration; 15 s after the last request they are dropped. Ask every second or two.
@@ -38,7 +38,7 @@ pub(super) struct PreviewDocument {
     params(("id" = RobotId, Path, description = "The robot.")),
     request_body = RobotConfig,
     responses(
-        (status = OK, description = "What the robot sends", body = PreviewDocument),
+        (status = OK, description = "The preview", body = PreviewDocument),
         (status = CONFLICT, description = "The robot is registered"),
         (status = INTERNAL_SERVER_ERROR, description = "Its messages could not be read"),
         (status = NOT_FOUND, description = "The robot is unknown"),

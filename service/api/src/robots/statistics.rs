@@ -6,6 +6,7 @@ use fleetcal_model::WallTime;
 use fleetcal_statistics::{
     CommonCause, GroupStatistics, Grouping, Member, Robot, Unlike, common_causes, groups, unlike,
 };
+use fleetcal_view::Query;
 use serde::{Deserialize, Serialize};
 
 use super::view::{Listed, in_view, query_of};
@@ -60,8 +61,15 @@ pub(super) async fn get_statistics(
 ) -> Result<Json<StatisticsDocument>, Problem> {
     let query = query_of(parameters.q.as_deref())?;
     let by = grouping_of(parameters.by.as_deref())?;
+    let computed = tokio::task::spawn_blocking(move || statistics_of(&api, &query, by));
+    computed.await.map(Json).map_err(|_| Problem::panicked())
+}
+
+/// Computes the statistics. It takes as long as reading every robot: not for the threads of the
+/// runtime.
+fn statistics_of(api: &ApiState, query: &Query, by: Grouping) -> StatisticsDocument {
     let at_ns = api.clock.now();
-    let listed = in_view(&api, &query, at_ns);
+    let listed = in_view(api, query, at_ns);
     let of = |robot: &Listed| Member::of(&robot.view, &robot.ledger, robot.deviation);
     let members: Vec<Member> = listed.iter().map(of).collect();
     let robots: Vec<Robot> = members.iter().map(|one| one.robot.clone()).collect();
@@ -71,14 +79,14 @@ pub(super) async fn get_statistics(
         .iter()
         .flat_map(|cause| cause.robots.iter().map(String::as_str))
         .collect();
-    Ok(Json(StatisticsDocument {
+    StatisticsDocument {
         q: query.to_string(),
         by,
         at_ns,
         groups: groups(&members, by),
         unlike: unlike(&robots, &explained, tolerances),
         common_causes,
-    }))
+    }
 }
 
 fn grouping_of(text: Option<&str>) -> Result<Grouping, Problem> {

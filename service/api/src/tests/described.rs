@@ -61,7 +61,7 @@ async fn a_robot_that_describes_itself_is_registered_by_one_request() {
         "nominal_extrinsics",
     ];
     assert_eq!(keys(&described), wanted);
-    assert_eq!(described["description"]["values"][1]["in_use"], Value::Null);
+    assert_eq!(described["description"]["values"][2]["in_use"], Value::Null);
     assert_eq!(described["proposed"]["model"], "bicycle");
     assert!((described["proposed"]["wheelbase_m"].as_f64().unwrap() - 1.2).abs() < 1e-9);
 
@@ -100,8 +100,9 @@ async fn what_contradicts_the_configuration_is_named_and_replaced_on_request_alo
     let remarks = described["description"]["remarks"].to_string();
     assert!(remarks.contains("model: \\\"tricycle\\\" is used, and the description has"));
     assert!(remarks.contains("wheelbase_m: 1.55 is used, and the description has 1.2"));
-    assert_eq!(contradicted(&described), ["model", "wheelbase_m"]);
-    assert_eq!(described["description"]["values"][1]["in_use"], 1.55);
+    let apart = ["model", "speed_measured_at", "wheelbase_m"];
+    assert_eq!(contradicted(&described), apart);
+    assert_eq!(described["description"]["values"][2]["in_use"], 1.55);
     let robot = bench.get("/api/v1/robots/a").await;
     assert_eq!(robot.json()["config"]["wheelbase_m"], 1.55);
 

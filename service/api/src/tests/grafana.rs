@@ -67,7 +67,8 @@ fn grouped(expr: &str) -> Vec<String> {
 /// sample are not known.
 fn unknown(expr: &str, families: &BTreeMap<String, Family>) -> Vec<String> {
     let mut unknown = Vec::new();
-    let mut labels: BTreeSet<&str> = BTreeSet::new();
+    // Prometheus adds these two.
+    let mut labels: BTreeSet<&str> = BTreeSet::from(["job", "instance"]);
     for (metric, selected_by) in selectors(expr) {
         let of = |(name, family): &(&String, &Family)| names(name, &family.kind).contains(&metric);
         let Some((_, family)) = families.iter().find(of) else {

@@ -1,6 +1,7 @@
 //! Route of an unregistered robot's preview.
 
 use fleetcal_domain::limits;
+use fleetcal_patience::until_answered;
 use serde_json::json;
 
 use super::robots::straight_on;
@@ -84,9 +85,10 @@ async fn previews_are_bounded_and_end_when_nobody_looks() {
         "{told}"
     );
     bench.clock.advance(limits::PREVIEW_KEPT);
-    while preview(&bench, &path("r0"), CONFIG).await.status != 200 {
-        tokio::time::sleep(std::time::Duration::from_millis(20)).await;
-    }
+    until_answered("a place for another robot", async || {
+        preview(&bench, &path("r0"), CONFIG).await.status == 200
+    })
+    .await;
 }
 
 #[tokio::test]

@@ -5,6 +5,7 @@ use std::fs::{self, File};
 use std::path::Path;
 
 use clap::Parser;
+use fleetcal_estimator::vehicle::SpeedMeasuredAt;
 use fleetcal_proto::ros::{
     AckermannDriveStamped, Header, JointState, LaserScan, Odometry, RosMessage, StringMessage,
     TfMessage, TransformStamped,
@@ -24,6 +25,9 @@ struct Line {
     #[command(flatten)]
     robot: RobotArguments,
 }
+
+/// Vehicle that drives its one steered wheel.
+const TRICYCLE: &str = include_str!("../../../../proto/description/tests/urdf/tricycle.urdf");
 
 /// Topic, type and payload of a message.
 type Written = (&'static str, &'static str, Vec<u8>);
@@ -146,6 +150,7 @@ fn a_robot_that_describes_itself_needs_no_flag() {
     assert_eq!(channel.topic, "/joint_states");
     let keys = [
         "model",
+        "speed_measured_at",
         "wheelbase_m",
         "streams.joints",
         "rear_axle_in_base_link",
@@ -237,6 +242,30 @@ fn a_urdf_gives_the_vehicle_and_flags_win_over_it() {
             "{remarks:?}"
         );
     }
+}
+
+#[test]
+fn the_place_of_the_speed_comes_with_the_described_model_alone() {
+    let folder = TempDir::new().unwrap();
+    let named = ["drive.mcap", "a.urdf", "fleetcal.toml"];
+    let [path, urdf, config] = named.map(|name| folder.path().join(name));
+    record(&path, &[drive(), scan("lidar")]);
+    let driven_behind = TRICYCLE.replace("xyz=\"0.7 0 -0.3\"", "xyz=\"-2.3 0 -0.3\"");
+    fs::write(&urdf, driven_behind).unwrap();
+    let entry = "[[robot]]\nid = \"tugger_01\"\nmodel = \"rear_steered\"\nwheelbase_m = 1.5\n";
+    fs::write(&config, entry).unwrap();
+    let place = |flags: &[&str]| {
+        let urdf = ["--urdf", urdf.to_str().unwrap()];
+        let robot = robot_of(&path, &[&urdf[..], flags].concat()).unwrap();
+        let vehicle = robot.config.vehicle();
+        assert_eq!(vehicle.model, VehicleModel::RearSteered);
+        vehicle.speed_measured_at
+    };
+    assert_eq!(place(&[]), SpeedMeasuredAt::SteeredWheel);
+    let flag = ["--model", "rear_steered"];
+    assert_eq!(place(&flag), SpeedMeasuredAt::RearAxle);
+    let config = ["--config", config.to_str().unwrap()];
+    assert_eq!(place(&config), SpeedMeasuredAt::RearAxle);
 }
 
 #[test]

@@ -54,11 +54,9 @@ impl DescribedConfig {
         };
         if let Some((layout, source)) = own.derived(&proposal.layout) {
             own.model = Some(layout.model());
+            own.speed_measured_at = layout.speed_measured_at();
             own.add("model", layout.model(), source.clone());
-            if let Some(place) = layout.speed_measured_at() {
-                own.speed_measured_at = Some(place);
-                own.add("speed_measured_at", place, source);
-            }
+            own.add("speed_measured_at", own.speed_place(), source);
         }
         if let Some((metres, source)) = own.derived(&proposal.wheelbase_m) {
             let metres = in_digits(metres);
@@ -172,9 +170,15 @@ impl DescribedConfig {
         self.add("nominal_extrinsics", pose, source);
     }
 
-    /// Fills the parts of a configuration that nothing else gives.
+    /// Returns the place of the speed measurement, that of the model where there is no other.
+    fn speed_place(&self) -> Option<SpeedMeasuredAt> {
+        let usual = self.model.map(VehicleModel::speed_measured_at);
+        self.speed_measured_at.or(usual)
+    }
+
+    /// Fills the parts of a configuration that nothing else gives. The place of the speed measurement
+    /// is not one of them: where it is unset, it is that of the configuration's model.
     pub fn fill(&self, config: &mut RobotConfig) {
-        config.speed_measured_at = config.speed_measured_at.or(self.speed_measured_at);
         config.nominal_extrinsics = config.nominal_extrinsics.or(self.nominal_extrinsics);
         config.rear_axle_in_base_link = config
             .rear_axle_in_base_link
@@ -190,6 +194,7 @@ impl DescribedConfig {
     /// wheelbase cannot be derived.
     pub fn config(&self) -> Option<RobotConfig> {
         let mut config = RobotConfig::of_vehicle(self.model?, self.wheelbase_m?);
+        config.speed_measured_at = self.speed_measured_at;
         self.fill(&mut config);
         Some(config)
     }
@@ -203,9 +208,6 @@ impl DescribedConfig {
         };
         let before = config.clone();
         let is_apart = |key| matches!(self.comparison(key, &before), Comparison::Apart);
-        if is_apart("speed_measured_at") {
-            config.speed_measured_at = None;
-        }
         if is_apart("nominal_extrinsics") {
             config.nominal_extrinsics = None;
         }
@@ -220,7 +222,17 @@ impl DescribedConfig {
         if is_apart("wheelbase_m") {
             config.wheelbase_m = self.wheelbase_m.unwrap_or(config.wheelbase_m);
         }
-        config.model = self.model.unwrap_or(config.model);
+        if let Some(model) = self.model {
+            config.model = model;
+            config.speed_measured_at = if is_apart("speed_measured_at") {
+                self.speed_measured_at
+            } else {
+                // The place in use stays, though the model's own may have been another one.
+                let in_use = before.vehicle().speed_measured_at;
+                let is_usual = in_use == model.speed_measured_at();
+                Some(in_use).filter(|_| !is_usual)
+            };
+        }
         self.fill(&mut config);
         Some(config)
     }
@@ -272,8 +284,8 @@ impl DescribedConfig {
         match key {
             "model" => Comparison::of(Some(&config.model), self.model.as_ref(), |_, _| false),
             "speed_measured_at" => {
-                let (own, described) = (&config.speed_measured_at, &self.speed_measured_at);
-                Comparison::of(own.as_ref(), described.as_ref(), |_, _| false)
+                let own = config.vehicle().speed_measured_at;
+                Comparison::of(Some(&own), self.speed_place().as_ref(), places_agree)
             }
             "wheelbase_m" => {
                 let near = |one: &Wheelbase, other: &Wheelbase| {
@@ -314,7 +326,7 @@ fn set_joints(config: &mut RobotConfig, joints: &Joints) {
 fn configured(key: &str, config: &RobotConfig) -> Option<Value> {
     match key {
         "model" => Some(json!(config.model)),
-        "speed_measured_at" => config.speed_measured_at.map(|place| json!(place)),
+        "speed_measured_at" => Some(json!(config.vehicle().speed_measured_at)),
         "wheelbase_m" => Some(json!(config.wheelbase_m)),
         "streams.joints" => config.streams.joints().map(|joints| json!(joints)),
         "nominal_extrinsics" => config.nominal_extrinsics.map(|mount| json!(mount)),
@@ -344,6 +356,12 @@ impl Comparison {
             _ => Self::Unset,
         }
     }
+}
+
+/// True if both places are on the steered wheel, or both on the fixed axle.
+fn places_agree(one: &SpeedMeasuredAt, other: &SpeedMeasuredAt) -> bool {
+    let is_steered = |place: &SpeedMeasuredAt| *place == SpeedMeasuredAt::SteeredWheel;
+    is_steered(one) == is_steered(other)
 }
 
 fn lengths_agree(one: f64, other: f64) -> bool {
@@ -426,6 +444,7 @@ mod tests {
             used,
             [
                 "model",
+                "speed_measured_at",
                 "wheelbase_m",
                 "streams.joints",
                 "rear_axle_in_base_link",
@@ -486,7 +505,43 @@ mod tests {
         let contradicted = document.values.iter().filter(|value| value.contradicted);
         let keys: Vec<&str> = contradicted.map(|value| value.key.as_str()).collect();
         assert_eq!(keys, ["model", "speed_measured_at"]);
-        assert_eq!(by_itself.over(Some(former)), Some(config));
+        assert_eq!(by_itself.over(Some(former)), Some(config.clone()));
+        // One whose model has that place as its own.
+        let tricycle = RobotConfig::of_vehicle(VehicleModel::Tricycle, config.wheelbase_m);
+        let over = by_itself.over(Some(tricycle)).unwrap();
+        assert_eq!(over.vehicle(), config.vehicle());
+    }
+
+    #[test]
+    fn the_place_of_the_speed_is_taken_with_the_model_alone() {
+        let rear = TRICYCLE.replace("xyz=\"0.7 0 -0.3\"", "xyz=\"-2.3 0 -0.3\"");
+        let contradicted = |by_itself: &DescribedConfig, config: &RobotConfig| {
+            let document = by_itself.document(Vec::new(), Some(config));
+            let place = document.values.iter();
+            let mut place = place.filter(|value| value.key == "speed_measured_at");
+            place.any(|value| value.contradicted)
+        };
+        let by_itself = described(&rear, None);
+        let wheelbase = by_itself.wheelbase_m.unwrap();
+        let own = RobotConfig::of_vehicle(VehicleModel::RearSteered, wheelbase);
+        let mut filled = own.clone();
+        by_itself.fill(&mut filled);
+        assert_eq!(filled.vehicle(), own.vehicle());
+        assert!(contradicted(&by_itself, &filled));
+
+        // A place that the description does not have is cleared.
+        let by_itself = described(TUGGER, None);
+        let mut own = RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase);
+        own.speed_measured_at = Some(SpeedMeasuredAt::SteeredWheel);
+        assert!(contradicted(&by_itself, &own));
+        let over = by_itself.over(Some(own.clone())).unwrap();
+        assert_eq!(over.speed_measured_at, None);
+        // One wheel of the fixed axle is a nearer place on it.
+        let at_wheel = SpeedMeasuredAt::RearWheel { lateral_m: 0.3 };
+        own.speed_measured_at = Some(at_wheel);
+        assert!(!contradicted(&by_itself, &own));
+        let over = by_itself.over(Some(own)).unwrap();
+        assert_eq!(over.speed_measured_at, Some(at_wheel));
     }
 
     #[test]

@@ -12,9 +12,8 @@ use super::{FleetHandle, FleetRefused};
 use crate::preview::Preview;
 
 impl FleetHandle {
-    /// Reads what an unregistered robot has sent since the first request, as one of this
-    /// configuration, which is not stored. The messages of a robot are kept from the first request on,
-    /// and from the first with another configuration. It takes as long as reading the messages: not
+    /// Reads what an unregistered robot has sent since the first request by this configuration, which
+    /// is not stored. Messages are kept for each configuration from the first request on. It takes as long as reading the messages: not
     /// for the threads of the runtime.
     ///
     /// # Errors

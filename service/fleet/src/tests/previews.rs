@@ -35,6 +35,37 @@ async fn messages_are_kept_from_the_first_request_until_nobody_asks() {
 }
 
 #[tokio::test]
+async fn each_configuration_of_a_robot_has_its_own_preview() {
+    let bench = bench(&[]);
+    let metres = |number: u32| Wheelbase::try_from(1.0 + 0.1 * f64::from(number)).unwrap();
+    let by = |name: &str, number: u32| {
+        let config = RobotConfig::of_vehicle(VehicleModel::Bicycle, metres(number));
+        bench.clock.advance(Duration::from_secs(1));
+        bench.fleet.preview(&id(name), config)
+    };
+    for name in ["a", "b"] {
+        bench.send(name, Stream::WheelOdometry, &drive(0));
+    }
+    // Two operators look by turns, and neither begins again.
+    for number in 1..=4 {
+        for config in [1, 2] {
+            let shown = by("a", config).unwrap();
+            assert_eq!(counted(&shown), number - 1, "{config}");
+        }
+        bench.send("a", Stream::WheelOdometry, &drive(number as i64));
+    }
+    // The least recent of a robot with several gives way, to another robot too.
+    for config in 3..=limits::PREVIEWS_MAX as u32 {
+        by("a", config).unwrap();
+    }
+    by("a", 1).unwrap();
+    by("b", 1).unwrap();
+    assert_eq!(counted(&by("a", 1).unwrap()), 4);
+    assert_eq!(bench.fleet.previewed_streams().len(), 2);
+    assert_eq!(counted(&by("a", 2).unwrap()), 0);
+}
+
+#[tokio::test]
 async fn what_waits_is_bounded_in_messages_and_bytes() {
     let bench = bench(&[]);
     bench.send("a", Stream::WheelOdometry, &drive(0));

@@ -34,6 +34,7 @@ impl Checked {
             stream,
             stamp: fleetcal_model::RobotTime(message.stamp_ns()),
             frame: delivered.frame,
+            child_frame: None,
             arrival_ns,
         };
         if let SimulatedMessage::WheelOdometry(drive) = message {
