@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 /// for a moment is no angle of the robot.
 const DRIVEN_M: f32 = 0.5;
 
-/// Way driven in each degree of the measured steering angle, m, as far as it counts.
+/// Way of the steered wheel in each degree of the measured steering angle, m, as far as it counts.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct SteeredWay(BTreeMap<i8, f32>);
 
 /// Range of measured steering angles, rad, left positive.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SteeringRange {
     /// End on the right.
     pub rightmost_rad: f64,
@@ -21,8 +21,19 @@ pub struct SteeringRange {
     pub leftmost_rad: f64,
 }
 
+impl SteeringRange {
+    /// The range from the farther end on the right to the farther one on the left.
+    #[must_use]
+    pub fn joined(self, other: Self) -> Self {
+        Self {
+            rightmost_rad: self.rightmost_rad.min(other.rightmost_rad),
+            leftmost_rad: self.leftmost_rad.max(other.leftmost_rad),
+        }
+    }
+}
+
 impl SteeredWay {
-    /// Adds a stretch of so many metres, of either sign, at a measured angle.
+    /// Adds a way of the steered wheel, m, of either sign, at a measured angle.
     pub fn add(&mut self, distance_m: f64, measured_rad: f64) {
         let way_m = self.0.entry(degree_of(measured_rad)).or_default();
         *way_m = (*way_m + distance_m.abs() as f32).min(DRIVEN_M);

@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use fleetcal_model::{
-    CalibrationCovariance, DeploymentId, Generation, Motions, Pose2, RevisionId, RobotId,
+    CalibrationCovariance, DeploymentId, Generation, Motions, NisNoise, Pose2, RevisionId, RobotId,
     SpeedMeasuredAt, VehicleModel,
 };
 
@@ -85,6 +85,9 @@ pub struct CertifiedEvidence {
     pub nis_mean: f64,
     /// Expectation of `nis_mean`.
     pub nis_dof: f64,
+    /// Noise that `nis_mean` is by; absent in certificates of older versions, which had the learnt noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nis_noise: Option<NisNoise>,
     /// Covariance of the errors of the four values, if it was estimated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CalibrationCovariance>,

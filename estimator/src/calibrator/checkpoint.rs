@@ -99,6 +99,9 @@ impl Calibrator {
         restored.trust = checkpoint.trust.clone();
         restored.watch = ChangeWatch::with_long_run(checkpoint.long_run.clone());
         restored.comparison.clone_from(&checkpoint.comparison);
+        if let Some(stored) = restored.comparison.as_mut().filter(|_| is_older) {
+            stored.open_curve(&restored.prior, &restored.config.settings);
+        }
         restored.baseline.clone_from(&checkpoint.baseline);
         let is_reassembled = |stored: &Comparison| stored.occasion == Occasion::Reassembled;
         restored.reassembly_open = checkpoint.reassembly_open

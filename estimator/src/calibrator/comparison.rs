@@ -13,10 +13,12 @@ use serde::{Deserialize, Serialize};
 use crate::claim::Claim;
 use crate::claim::encoder::ENCODER_SIGMA_M;
 use crate::estimate::{Cause, Parameter};
+use crate::filter::prior::Prior;
 use crate::filter::tyres::{Slip, moved_by_tyres};
-use crate::filter::{PARAMETERS, ParameterCovariance, SIDE_SLIP, Values, padded};
+use crate::filter::{CURVE, PARAMETERS, ParameterCovariance, SIDE_SLIP, Values, padded};
 use crate::geometry::wrap_angle_rad;
 use crate::settings::EstimatorSettings;
+use crate::steered_way::SteeringRange;
 
 /// The parameters that are compared.
 pub(super) const COMPARED: [Parameter; 4] = [
@@ -74,6 +76,9 @@ pub(super) struct Comparison {
     /// when this was stored.
     #[serde(default = "undriven_of_older", with = "padded")]
     pub undriven: Values,
+    /// Measured steering angles that were driven when this was stored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub driven: Option<SteeringRange>,
 }
 
 /// Variances that earlier checkpoints lack: the speed may have been measured beside the axle's
@@ -105,6 +110,18 @@ impl Comparison {
             values,
             covariance: with_systematic(covariance, settings),
             undriven: Values::zeros(),
+            driven: None,
+        }
+    }
+
+    /// Opens the steering's curve, which a checkpoint of an earlier estimator lacks: nothing is known of
+    /// it.
+    pub fn open_curve(&mut self, prior: &Prior, settings: &EstimatorSettings) {
+        let open = with_systematic(&ParameterCovariance::zeros(), settings);
+        for i in CURVE {
+            if self.covariance[(i, i)] <= open[(i, i)] {
+                self.covariance[(i, i)] += prior.covariance[(i, i)];
+            }
         }
     }
 

@@ -188,7 +188,9 @@ impl Calibrator {
         };
         let followed = follower.follow(reading, &self.drive, &self.config.settings);
         if let Followed::Updated(moved) = followed {
-            self.session.count_update(reading.stamp, &moved);
+            let wheelbase_m = self.config.vehicle.wheelbase_m;
+            self.session
+                .count_update(reading.stamp, &moved, wheelbase_m);
         }
     }
 
@@ -291,7 +293,10 @@ impl Calibrator {
             // An unfinished session has learnt nothing that a comparison could be held to.
             let is_worth_it = self.is_proven() && knows_enough(&covariance, settings);
             if self.comparison.is_none() && is_worth_it {
-                let stored = Comparison::new(occasion, values, &covariance, settings);
+                let stored = Comparison {
+                    driven: self.session.excitation.steered.range(),
+                    ..Comparison::new(occasion, values, &covariance, settings)
+                };
                 self.comparison = Some(stored.told_with(self.claim_of(filter).covariance()));
             }
         }

@@ -40,6 +40,7 @@ use crate::geometry::Pose2;
 use crate::lidar_odometry::{BeamTimes, LearntScanner, LidarOdometry, ScannerReport, Tracking};
 use crate::merge::{Merged, Merger, MergerPosition};
 use crate::settings::Freedom;
+use crate::steered_way::SteeringRange;
 use crate::stream::{
     DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, RobotTime, Scan,
 };
@@ -462,7 +463,9 @@ impl Calibrator {
 
     fn steering_table(&self, claim: &Claim, parameters: &ParameterEstimates) -> SteeringTable {
         let offset = &parameters[Parameter::SteeringOffset.index()];
-        let driven = self.session.excitation.steered.range();
+        let stored = self.held().and_then(|held| held.driven);
+        let driven = [stored, self.session.excitation.steered.range()];
+        let driven = driven.into_iter().flatten().reduce(SteeringRange::joined);
         let limits = &self.config.settings.converged_sigma;
         claim.steering_table(offset, driven, *limits.get(Parameter::SteeringOffset))
     }

@@ -143,10 +143,11 @@ impl Session {
         }
     }
 
-    pub fn count_update(&mut self, stamp_ns: RobotTime, moved: &Moved) {
+    pub fn count_update(&mut self, stamp_ns: RobotTime, moved: &Moved, wheelbase_m: f64) {
         self.excitation.add(moved.distance_m, moved.turn_rad);
-        let steered = &mut self.excitation.steered;
-        steered.add(moved.distance_m, moved.steering_rad);
+        // The steered wheel moves where the vehicle turns on the spot, too.
+        let wheel_m = moved.distance_m.hypot(wheelbase_m * moved.turn_rad);
+        self.excitation.steered.add(wheel_m, moved.steering_rad);
         self.innovation = Some(Innovation {
             stamp_ns,
             residual: moved.innovation.residual.into(),

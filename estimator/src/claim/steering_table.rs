@@ -12,10 +12,17 @@ use crate::filter::{DRIVE_PARAMETER, Values, drive_parameters};
 use crate::steered_way::SteeringRange;
 use crate::vehicle::true_steering;
 
-/// Number of equal parts of a side, each with a point at its end.
-const PARTS: u32 = 5;
+/// Largest angle between two points, rad (4 degrees): at typical terms of the curve a straight line between them
+/// is less than 0.02 degrees off up to 45 degrees.
+const PART_MAX_RAD: f64 = 0.07;
+/// Most equal parts of a side, each with a point at its end: enough for 80 degrees, and a steering that turns
+/// farther has no linkage and no curve.
+const PARTS_MAX: f64 = 20.0;
 /// Least angle of a side that has points, rad: who drives straight ahead steers two degrees.
 const SIDE_MIN_RAD: f64 = 0.035;
+
+/// Need where the configuration fixes the offset: it is known no better than it was entered.
+const OFFSET_FIXED: &str = "a steering offset that is estimated: the configuration fixes it";
 
 /// Side to which a robot steers.
 #[derive(Debug, Clone, Copy)]
@@ -32,9 +39,11 @@ impl Side {
     }
 
     fn angles(self) -> impl Iterator<Item = f64> {
-        let parts = (0..=PARTS).filter(move |_| self.is_driven());
+        let width_rad = self.to_rad - self.from_rad;
+        let number = (width_rad / PART_MAX_RAD).ceil().clamp(1.0, PARTS_MAX);
+        let parts = (0..=number as u32).filter(move |_| self.is_driven());
         parts.map(move |part| {
-            let share = f64::from(part) / f64::from(PARTS);
+            let share = f64::from(part) / number;
             share * self.to_rad + (1.0 - share) * self.from_rad
         })
     }
@@ -50,7 +59,11 @@ impl Claim {
         sigma_limit_rad: f64,
     ) -> SteeringTable {
         if offset.status != Status::Converged {
-            return SteeringTable::not_known(offset.needs.clone());
+            let needs = match offset.status {
+                Status::Fixed => Some(OFFSET_FIXED.to_owned()),
+                _ => offset.needs.clone(),
+            };
+            return SteeringTable::not_known(needs);
         }
         let zero_rad = offset.value;
         let driven = driven.unwrap_or(SteeringRange {

@@ -30,9 +30,9 @@ use crate::stream::RobotTime;
 use crate::vehicle::{DriveParameters, DriveReading, Vehicle};
 use constraint::LidarMotion;
 pub use parameters::{
-    ASYMMETRY, CUBIC, DRIVE_PARAMETER, PARAMETERS, ParameterCovariance, QUADRATIC, SIDE_SLIP,
-    STEERING_LAG, STEERING_PLAY, STEERING_SPREAD, Values, apart, drive_parameters, lidar_in_base,
-    steering_response,
+    ASYMMETRY, CUBIC, CURVE, DRIVE_PARAMETER, PARAMETERS, ParameterCovariance, QUADRATIC,
+    SIDE_SLIP, STEERING_LAG, STEERING_PLAY, STEERING_SPREAD, Values, apart, drive_parameters,
+    lidar_in_base, steering_response,
 };
 use prediction::{ByTimeShift, PredictedMotion, speed_noise_mps, twist};
 use prior::Prior;
@@ -74,7 +74,9 @@ pub struct Innovation {
     /// `log(h^-1 z)`: measured less predicted LiDAR motion, in the LiDAR's frame.
     pub residual: Vector3<f64>,
     /// Standard deviations of the residual with the noise as configured: the learnt noise would make
-    /// any model look consistent.
+    /// any model look consistent. The whole innovation covariance is divided by the learnt scale, also
+    /// what is left in it of a prior or of a parameter that was opened again: while such a parameter is
+    /// open on a rough robot, these are too small and the NIS is too large.
     pub sigmas: Vector3<f64>,
     /// Normalised innovation squared with the noise as configured, 3 degrees of freedom.
     pub nis: f64,
@@ -332,8 +334,7 @@ impl Filter {
 
     /// Opens the steering's curve, which a filter of an earlier estimator lacks.
     pub fn open_curve(&mut self, prior: &Prior) {
-        let gain = Parameter::SteeringGain.index();
-        for parameter in std::iter::once(gain).chain(SIDE_SLIP + 1..PARAMETERS) {
+        for parameter in CURVE {
             let i = CALIBRATION + parameter;
             if self.covariance[(i, i)] <= 0.0 {
                 self.covariance[(i, i)] = prior.covariance[(parameter, parameter)];

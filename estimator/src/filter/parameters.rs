@@ -25,6 +25,16 @@ pub const STEERING_LAG: usize = SIDE_SLIP + 4;
 pub const STEERING_SPREAD: usize = SIDE_SLIP + 5;
 /// Index of half the play of the steering among them.
 pub const STEERING_PLAY: usize = SIDE_SLIP + 6;
+/// Indices of what the steering has beyond its offset, with its response and play.
+pub const CURVE: [usize; 7] = [
+    Parameter::SteeringGain.index(),
+    ASYMMETRY,
+    QUADRATIC,
+    CUBIC,
+    STEERING_LAG,
+    STEERING_SPREAD,
+    STEERING_PLAY,
+];
 /// Indices of the parameters, in the order in which checkpoints hold them: that in which they came
 /// to be known. Stored numbers have no names but their place, so a new one comes last here,
 /// published or not.

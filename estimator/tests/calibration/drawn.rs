@@ -44,6 +44,18 @@ pub fn drawn(seed: u64) -> (SimulationConfig, CalibratorConfig) {
     (config, calibrator)
 }
 
+/// The same with a steering whose curve is drawn from the whole of its priors.
+pub fn drawn_with_whole_curve(seed: u64) -> (SimulationConfig, CalibratorConfig) {
+    let (mut config, calibrator) = drawn(seed);
+    let vehicle = &mut config.imperfections.vehicle;
+    // Priors of 0.02 and 0.01, and of 0.3 degrees at 20 degrees.
+    vehicle.steering_gain *= 0.02 / 0.014;
+    vehicle.steering_asymmetry *= 0.01 / 0.007;
+    vehicle.steering_quadratic_rad *= 0.3 / 0.2;
+    vehicle.steering_cubic_rad *= 0.3 / 0.2;
+    (config, calibrator)
+}
+
 /// The same with sensors whose noise is as the filter models it, and the filter configured with its
 /// size.
 pub fn drawn_with_white_noise(seed: u64) -> (SimulationConfig, CalibratorConfig) {

@@ -2,15 +2,17 @@
 //! knows the vehicle and its scanner, and flags no change.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
-use fleetcal_estimator::estimate::Change;
+use fleetcal_estimator::estimate::{Change, SteeringTableStatus};
 use fleetcal_estimator::filter::{ASYMMETRY, PARAMETERS};
 use fleetcal_estimator::lidar_odometry::{BeamTimes, ScannerReport};
-use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Parameter, Status};
+use fleetcal_estimator::{
+    Calibrator, Checkpoint, Effect, Event, Note, NoteKind, Parameter, Status,
+};
 use fleetcal_robot::simulator::{
     ImperfectionKind, Imperfections, LidarOutput, LidarSettings, Simulation, SimulationConfig,
 };
 
-use crate::drive::{FOUR, event_of, vehicle_of};
+use crate::drive::{FOUR, event_of, poses, vehicle_of};
 
 /// Times of the checkpoints, s.
 const CHECKPOINTS_S: [f64; 4] = [35.0, 47.0, 60.0, 75.0];
@@ -211,6 +213,57 @@ fn a_checkpoint_that_knows_no_steering_curve_is_read_and_the_curve_learnt() {
     for parameter in FOUR {
         let status = restored.estimate().parameter(parameter).status;
         assert_eq!(status, Status::Converged, "{parameter:?}");
+    }
+}
+
+/// A table of a stored calibration has the angles that were driven before, and is no sharper than what
+/// the checkpoint knows of the curve.
+#[test]
+fn a_stored_calibration_keeps_its_steering_table_as_far_as_its_curve_is_stored() {
+    let mut config = SimulationConfig::figure_eight(3);
+    config.lidar = poses();
+    config.people.count = 0;
+    let settings = CalibratorConfig::of(vehicle_of(&config.vehicle, config.vehicle.wheelbase_m));
+    let mut calibrator = Calibrator::new(settings.clone());
+    let mut changes = Vec::new();
+    let messages = messages(config, 180.0);
+    for (_, event) in &messages {
+        feed(&mut calibrator, event, &mut changes);
+    }
+    let range = |calibrator: &Calibrator| {
+        let points = calibrator.estimate().steering_table.points;
+        [points.first(), points.last()].map(|point| point.map(|point| point.measured_rad))
+    };
+    let driven = range(&calibrator);
+    assert!(
+        driven[0] < Some(-0.1) && driven[1] > Some(0.1),
+        "{driven:?}"
+    );
+    let note = Note {
+        stamp: calibrator.estimate().stamp,
+        kind: NoteKind::PowerOn,
+    };
+    feed(&mut calibrator, &Event::Note(note), &mut changes);
+    assert_eq!(range(&calibrator), driven);
+    let mut stored = serde_json::to_value(calibrator.checkpoint()).unwrap();
+    let read: Checkpoint = serde_json::from_value(stored.clone()).unwrap();
+    let same = Calibrator::restore(settings.clone(), &read).unwrap();
+    assert_eq!(range(&same), driven);
+
+    stored["version"] = 7.into();
+    for part in ["filter", "long_run", "comparison", "baseline"] {
+        shrink(&mut stored[part]);
+    }
+    let read: Checkpoint = serde_json::from_value(stored).unwrap();
+    let table = Calibrator::restore(settings, &read)
+        .unwrap()
+        .estimate()
+        .steering_table;
+    assert_eq!(table.status, SteeringTableStatus::Informative, "{table:?}");
+    for point in &table.points {
+        // Of the asymmetry alone: 1 % of the angle.
+        let least_rad = 0.009 * (point.measured_rad.abs() - 0.05);
+        assert!(point.sigma_rad > least_rad, "{point:?}");
     }
 }
 

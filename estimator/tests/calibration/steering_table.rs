@@ -8,7 +8,7 @@ use fleetcal_robot::simulator::{
     CURVE_REFERENCE_RAD, Point, Route, SimulatedMessage, SimulationConfig, VehicleImperfections,
 };
 
-use crate::drawn::drawn;
+use crate::drawn::drawn_with_whole_curve;
 use crate::drive::{Driven, drive, drive_disturbed, poses, vehicle_of};
 
 /// Time of a drive, s.
@@ -17,6 +17,8 @@ const DRIVE_S: f64 = 180.0;
 const SEEDS: u64 = 12;
 /// Sigmas within which 95 % of the points lie.
 const WITHIN: f64 = 2.5;
+/// Largest angle between two points, rad.
+const APART_MAX_RAD: f64 = 0.0701;
 
 /// The true angle of a simulated vehicle's wheel at a measured one, rad, within 45 degrees of the zero.
 fn true_rad(config: &SimulationConfig, measured_rad: f64) -> f64 {
@@ -47,18 +49,21 @@ fn table_of(run: &Driven) -> &SteeringTable {
     &run.last().0.steering_table
 }
 
-/// Gain, asymmetry, quadratic and cubic term, wheelbase, offset and mount are drawn from their priors.
+/// Gain, asymmetry, quadratic and cubic term are drawn from the whole of their priors, wheelbase, offset and mount
+/// with them.
 #[test]
 fn points_are_true_within_their_sigmas() {
+    let left = Route::left_loop(Point::new(-11.0, 0.0), 10.0, 8.0);
     let mut all = Vec::new();
-    for (name, route) in [
-        ("eight", Route::staging_figure_eight()),
-        ("aisles", Route::aisles_with_reversals()),
+    for (name, route, needs) in [
+        ("eight", Route::staging_figure_eight(), None),
+        ("aisles", Route::aisles_with_reversals(), None),
+        ("left", left, Some("turns to the right")),
     ] {
         let mut of_route = Vec::new();
         let mut known = 0;
         for seed in 1..=SEEDS {
-            let (mut config, calibrator) = drawn(seed);
+            let (mut config, calibrator) = drawn_with_whole_curve(seed);
             config.route = route.clone();
             let run = drive(config.clone(), calibrator, DRIVE_S);
             let table = table_of(&run);
@@ -66,8 +71,11 @@ fn points_are_true_within_their_sigmas() {
                 continue;
             }
             known += 1;
-            assert_eq!(table.needs, None, "{name}, seed {seed}");
-            assert_eq!(table.points.len(), 11, "{name}, seed {seed}");
+            assert_eq!(table.needs.as_deref(), needs, "{name}, seed {seed}");
+            for pair in table.points.windows(2) {
+                let apart_rad = pair[1].measured_rad - pair[0].measured_rad;
+                assert!(apart_rad <= APART_MAX_RAD, "{name}, seed {seed}: {table:?}");
+            }
             of_route.extend(errors(table, &config));
         }
         let mean_square = of_route.iter().map(|z| z * z).sum::<f64>() / of_route.len() as f64;
@@ -80,7 +88,9 @@ fn points_are_true_within_their_sigmas() {
         );
         // Neither too sure nor too careful.
         assert!((0.4..1.3).contains(&rms), "{name}: {rms}");
-        assert!(known >= SEEDS - 1, "{name}: {known} of {SEEDS}");
+        // A loop to one side may leave the offset open.
+        let open = if needs.is_some() { SEEDS / 2 } else { 1 };
+        assert!(known >= SEEDS - open, "{name}: {known} of {SEEDS}");
         all.extend(of_route);
     }
     let within = all.iter().filter(|z| z.abs() <= WITHIN).count();
@@ -134,7 +144,7 @@ fn a_loop_of_left_turns_has_points_on_the_left_alone() {
     let table = table_of(&bent.run);
     assert_eq!(table.status, SteeringTableStatus::Informative, "{table:?}");
     assert_eq!(table.needs.as_deref(), Some("turns to the right"));
-    assert_eq!(table.points.len(), 6, "{table:?}");
+    assert!(table.points.len() >= 5, "{table:?}");
     for (point, error) in table.points.iter().zip(errors(table, &bent.config)) {
         assert!(point.measured_rad > 0.02 - 0.002, "{point:?}");
         assert!(bent.shown_rad.contains(&point.measured_rad), "{point:?}");
@@ -158,7 +168,7 @@ fn no_table_is_claimed_of_a_straight_drive() {
 fn no_point_lies_beyond_the_angles_that_were_driven() {
     let bent = on_route(Route::staging_figure_eight(), DRIVE_S);
     let table = table_of(&bent.run);
-    assert_eq!(table.points.len(), 11, "{table:?}");
+    assert!(table.points.len() >= 11, "{table:?}");
     for point in &table.points {
         assert!(bent.shown_rad.contains(&point.measured_rad), "{point:?}");
     }

@@ -31,7 +31,17 @@ pub struct Consistency {
     pub innovation: Option<Innovation>,
 }
 
-/// Fit of the model to the data.
+/// Noise that a normalised innovation squared is by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum NisNoise {
+    /// The noise as configured. Records of older services name none: they had the noise that the
+    /// filter had learnt.
+    Configured,
+}
+
+/// Whether the model explains the data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -88,6 +98,12 @@ impl Consistency {
             fit,
             innovation,
         }
+    }
+
+    /// Returns the noise that `nis_mean` is by; `None` for the learnt noise of an older service, and
+    /// before the first update.
+    pub fn nis_noise(&self) -> Option<NisNoise> {
+        self.nis_range.map(|_| NisNoise::Configured)
     }
 
     /// True if every number is finite.
@@ -156,5 +172,8 @@ mod tests {
             (read.nis_range, read.fit, read.innovation),
             (None, None, None)
         );
+        assert_eq!(read.nis_noise(), None);
+        let now = Consistency::of(3.0, 3.0, 10, None);
+        assert_eq!(now.nis_noise(), Some(NisNoise::Configured));
     }
 }

@@ -20,7 +20,7 @@ pub mod time;
 pub mod vehicle;
 
 pub use change::{Cause, ChangeKind, Detection, DetectionState, NoteKind};
-pub use consistency::{Consistency, Innovation, ModelFit};
+pub use consistency::{Consistency, Innovation, ModelFit, NisNoise};
 pub use covariance::CalibrationCovariance;
 pub use label::{LABEL_CHARS_MAX, Label, LabelRefused, TAGS_MAX, Tags};
 pub use number::{

@@ -37,12 +37,12 @@ pub struct SteeringPoint {
 pub struct SteeringTable {
     /// Status of the whole table.
     pub status: SteeringTableStatus,
-    /// Motion that would add points, in words; absent if none is missing.
+    /// Motion or setting that would add points, in words; absent if none is missing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub needs: Option<String>,
-    /// Points by their measured angle, from the right to the left: the zero, and five on each side that was
-    /// driven.
+    /// Points by their measured angle, from the right to the left, 4° apart at most on a side of up to 80°: the
+    /// zero, and those of each side that was driven.
     pub points: Vec<SteeringPoint>,
 }
 

@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use fleetcal_model::{Generation, Pose2, SteeringPoint, SteeringTable};
+use fleetcal_model::{Generation, Pose2, SteeringPoint, SteeringTable, SteeringTableStatus};
 use fleetcal_proto::calibration::CalibrationValues;
 
 use super::file::{self, FileError};
@@ -237,8 +237,9 @@ impl Outputs {
 /// Formats a curve of the steering, from the right to the left.
 fn steering_table(table: &SteeringTable, generation: Generation) -> String {
     let mut text = format!(
-        "# {MARK}. Generation {generation}. For information, left positive.\n\
-         measured_rad,true_rad,sigma_rad\n"
+        "# {MARK}. Generation {generation}. For information, left positive.\n{}\n\
+         measured_rad,true_rad,sigma_rad\n",
+        steering_status(table)
     );
     for point in &table.points {
         let SteeringPoint {
@@ -250,6 +251,23 @@ fn steering_table(table: &SteeringTable, generation: Generation) -> String {
         writeln!(text, "{measured_rad:.8},{true_rad:.8},{sigma_rad:.8}").ok();
     }
     text
+}
+
+/// Writes the comment of a curve's status, as the dashboard's file has it, too.
+fn steering_status(table: &SteeringTable) -> String {
+    let status = match table.status {
+        SteeringTableStatus::NotKnown => "not_known",
+        SteeringTableStatus::Informative => "informative",
+        SteeringTableStatus::Converged => "converged",
+    };
+    match &table.needs {
+        // A comment is one line.
+        Some(needs) => {
+            let needs = needs.replace(char::is_control, " ");
+            format!("# Status: {status}. Missing: {needs}.")
+        }
+        None => format!("# Status: {status}."),
+    }
 }
 
 fn lidar_in_base_link(values: &CalibrationValues, rear_axle: Pose2) -> Pose2 {
@@ -265,8 +283,6 @@ mod tests {
     use std::f64::consts::FRAC_PI_2;
     use std::fs;
     use std::path::Path;
-
-    use fleetcal_model::SteeringTableStatus;
 
     use super::*;
 
@@ -301,7 +317,7 @@ mod tests {
         let points = [[-0.25, -0.2525, 0.001], [0.5, 0.5, 0.0005]];
         let table = SteeringTable {
             status: SteeringTableStatus::Informative,
-            needs: None,
+            needs: Some("turns to\nthe right".to_owned()),
             points: points
                 .map(|[measured_rad, true_rad, sigma_rad]| SteeringPoint {
                     measured_rad,
@@ -316,10 +332,11 @@ mod tests {
         };
         outputs.write(Some(&values()), &with_table).unwrap();
         let text = fs::read_to_string(&path).unwrap();
-        let rows: Vec<_> = text.lines().filter(|line| !line.starts_with('#')).collect();
+        let lines: Vec<_> = text.lines().skip(1).collect();
         assert_eq!(
-            rows,
+            lines,
             [
+                "# Status: informative. Missing: turns to the right.",
                 "measured_rad,true_rad,sigma_rad",
                 "-0.25000000,-0.25250000,0.00100000",
                 "0.50000000,0.50000000,0.00050000",

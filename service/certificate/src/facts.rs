@@ -1,6 +1,6 @@
 //! Facts of a certificate, as people read them: in degrees and millimetres, under headings.
 
-use fleetcal_model::{CalibrationCovariance, SpeedMeasuredAt};
+use fleetcal_model::{CalibrationCovariance, NisNoise, SpeedMeasuredAt};
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::certificate::{
     CertificateDocument, CertifiedAct, CertifiedCrossTrack, CertifiedEvidence, CertifiedVehicle,
@@ -183,7 +183,14 @@ fn of_evidence(evidence: &CertifiedEvidence) -> Vec<(&'static str, String)> {
         "{} drive samples, {} scans",
         evidence.drive_samples, evidence.scans
     );
-    let nis = format!("{:.2}, {:.0} expected", evidence.nis_mean, evidence.nis_dof);
+    let noise = match evidence.nis_noise {
+        Some(NisNoise::Configured) => "configured",
+        None => "learnt",
+    };
+    let nis = format!(
+        "{:.2}, {:.0} expected by the {noise} noise",
+        evidence.nis_mean, evidence.nis_dof
+    );
     rows.extend([("messages", used), ("NIS", nis)]);
     rows
 }

@@ -93,6 +93,7 @@ fn evidence(evidence: &Evidence) -> Option<CertifiedEvidence> {
         scans: evidence.scans,
         nis_mean: evidence.nis_mean,
         nis_dof: evidence.nis_dof,
+        nis_noise: evidence.nis_noise,
         covariance: evidence.covariance,
     })
 }

@@ -146,7 +146,8 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use fleetcal_model::{
-        CalibrationCovariance, DeploymentId, Generation, Motions, RevisionId, RobotId, VehicleModel,
+        CalibrationCovariance, DeploymentId, Generation, Motions, NisNoise, RevisionId, RobotId,
+        VehicleModel,
     };
     use fleetcal_proto::calibration::{CalibrationFrame, CalibrationValues};
     use fleetcal_proto::certificate::{
@@ -182,6 +183,7 @@ mod tests {
             scans: 1_800,
             nis_mean: 2.9,
             nis_dof: 3.0,
+            nis_noise: Some(NisNoise::Configured),
             covariance: Some(CalibrationCovariance::default()),
         }
     }

@@ -134,7 +134,7 @@ fn tail(report: &CalibrationReport) -> Vec<String> {
     let (consistency, timing) = (&report.consistency, &report.timing);
     vec![
         format!(
-            "consistency      NIS {:.2}, {:.0} expected, over {} updates: {}",
+            "consistency      NIS {:.2}, {:.0} expected, over {} updates. {}",
             consistency.nis_mean,
             consistency.nis_dof,
             consistency.samples,

@@ -6,7 +6,7 @@ use fleetcal_domain::approval::{
     SecondApprover, SyncState, Verification,
 };
 use fleetcal_domain::timestamp as time;
-use fleetcal_model::{DeploymentId, Generation, Pose2, ProposalId, RevisionId, Version};
+use fleetcal_model::{DeploymentId, Generation, NisNoise, Pose2, ProposalId, RevisionId, Version};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{AppliedStatus, CalibrationValues};
 use jiff::Timestamp;
@@ -56,6 +56,9 @@ struct EvidenceDocument {
     nis_mean: f64,
     /// Expectation of `nis_mean`.
     nis_dof: f64,
+    /// Noise that `nis_mean` is by; absent in evidence of older versions, which had the learnt noise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    nis_noise: Option<NisNoise>,
 }
 
 impl RevisionDocument {
@@ -79,6 +82,7 @@ impl RevisionDocument {
                 scans: evidence.scans,
                 nis_mean: evidence.nis_mean,
                 nis_dof: evidence.nis_dof,
+                nis_noise: evidence.nis_noise,
             }),
         }
     }

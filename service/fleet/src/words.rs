@@ -25,20 +25,22 @@ pub fn event(event: &ChangeDocument) -> String {
     )
 }
 
-/// Writes in one sentence whether the model explains the data.
+/// Writes whether the model explains the data, in the dashboard's words.
 pub fn fit(consistency: &Consistency) -> String {
     let times = consistency.errors_over_expected();
     let times = format!("{times:.1} times as large as expected");
     match consistency.fit {
-        None => "too few updates to say whether the model explains the data".to_owned(),
-        Some(ModelFit::Explained) => format!("the model explains the data: its errors are {times}"),
+        None => "Too few updates yet to say whether the model explains the data.".to_owned(),
+        Some(ModelFit::Explained) => {
+            format!("The model explains the data: its errors are {times}.")
+        }
         Some(ModelFit::Rough) => format!(
-            "the errors are {times}: the robot moves or measures more roughly than configured, and the \
-             standard deviations are wider for it"
+            "The errors are {times}: the robot moves or measures more roughly than configured, and the \
+             standard deviations are wider for it."
         ),
         Some(ModelFit::Unexplained) => format!(
-            "the model does not explain the data: its errors are {times}; look at wheelbase, vehicle \
-             model, signs and stamps"
+            "The model does not explain the data: its errors are {times}. Look at wheelbase, vehicle \
+             model, signs and stamps."
         ),
     }
 }
@@ -48,5 +50,30 @@ pub fn word(value: &impl serde::Serialize) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(word)) => word.replace('_', " "),
         _ => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::Deserialize;
+
+    use super::*;
+
+    /// Sentences of the dashboard and of documents, which the tests of both read.
+    const SENTENCES: &str = include_str!("../../../web/src/robot/fit-sentences.json");
+
+    #[derive(Deserialize)]
+    struct Case {
+        consistency: Consistency,
+        sentence: String,
+    }
+
+    #[test]
+    fn the_fit_is_said_in_the_words_of_the_dashboard() {
+        let cases: Vec<Case> = serde_json::from_str(SENTENCES).unwrap();
+        assert_eq!(cases.len(), 4);
+        for case in cases {
+            assert_eq!(fit(&case.consistency), case.sentence);
+        }
     }
 }

@@ -1,6 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import type { Consistency, Innovation } from '../api/types';
 import {
+  continued,
   errorsOverExpected,
   fitSentence,
   innovationPoints,
@@ -10,6 +11,7 @@ import {
   pointRange,
   pointsCsv,
 } from './consistency';
+import sentences from './fit-sentences.json';
 
 const consistency = (
   nis_mean: number,
@@ -25,12 +27,8 @@ const consistency = (
 describe('whether the model explains the data', () => {
   it('is said in a sentence, with the size of the errors', () => {
     expect(errorsOverExpected(consistency(12, 'rough'))).toBe(2);
-    expect(fitSentence(consistency(0.75, 'explained'))).toBe(
-      'The model explains the data: its errors are 0.5 times as large as expected.',
-    );
-    expect(fitSentence(consistency(300, 'unexplained'))).toContain('does not explain');
-    expect(fitSentence(consistency(12, 'rough'))).toContain('2.0 times');
-    expect(fitSentence(consistency(1, null))).toContain('Too few updates');
+    const cases = sentences as { consistency: Consistency; sentence: string }[];
+    for (const { consistency, sentence } of cases) expect(fitSentence(consistency)).toBe(sentence);
   });
 });
 
@@ -77,6 +75,16 @@ describe('innovations', () => {
   it('are in millimetres with two sigmas to each side, within the time shown', () => {
     const points = innovationPoints([innovation(1, 0.01), innovation(9, 0.02)], 0, [0, 5]);
     expect(points).toEqual({ t_s: [1], value: [10], low: [-4], high: [4] });
+  });
+
+  it('begin anew where the clock went back, and keep no more than the service', () => {
+    const at = (...times: number[]) =>
+      times
+        .map((s) => innovation(s, 0))
+        .reduce<readonly Innovation[]>((kept, next) => continued(kept, next, 3), [])
+        .map(({ stamp_ns }) => stamp_ns / 1e9);
+    expect(at(1, 2, 2, 3, 4)).toEqual([2, 3, 4]);
+    expect(at(1, 2, 3, 1, 2)).toEqual([1, 2]);
   });
 
   it('are in SI units in a file', () => {

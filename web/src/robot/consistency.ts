@@ -32,7 +32,7 @@ function add(points: Points, t_s: number, value: number, low: number, high: numb
   points.high.push(high);
 }
 
-/** Returns the NIS of a history. Its range is that of the latest estimate: the window is the same. */
+/** Returns the NIS of a history. */
 export function nisOf(answer: Pick<HistoryDocument, 'bucket_s' | 'time' | 'count' | 'nis'>): {
   t_s: number[];
   nis: number[];
@@ -47,7 +47,10 @@ export function nisOf(answer: Pick<HistoryDocument, 'bucket_s' | 'time' | 'count
   return found;
 }
 
-/** Returns NIS with its range of right values. */
+/**
+ * Returns NIS with its range of right values. Without a range there is none: that of an estimate holds for
+ * single means over its window, not for means of several of them.
+ */
 export function nisPoints(
   { t_s, nis }: { t_s: readonly number[]; nis: readonly number[] },
   range: readonly number[] | null | undefined,
@@ -56,6 +59,17 @@ export function nisPoints(
   const points: Points = { t_s: [], value: [], low: [], high: [] };
   t_s.forEach((at_s, i) => add(points, at_s, nis[i] ?? Number.NaN, low, high));
   return points;
+}
+
+/** Returns innovations with a new one, as the service keeps them: a clock that went back begins anew. */
+export function continued(
+  kept: readonly Innovation[],
+  next: Innovation,
+  most: number,
+): readonly Innovation[] {
+  const last_ns = kept.at(-1)?.stamp_ns ?? Number.NEGATIVE_INFINITY;
+  if (last_ns === next.stamp_ns) return kept;
+  return last_ns > next.stamp_ns ? [next] : [...kept, next].slice(-most);
 }
 
 /** Returns one axis of innovations within a stretch of time, in its shown unit. */

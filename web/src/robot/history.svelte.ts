@@ -13,7 +13,7 @@ import type {
 import { fleet, robotUrl } from '../fleet/fleet.svelte';
 import { now } from '../ui/time.svelte';
 import { CALIBRATED } from '../units/parameters';
-import { nisOf } from './consistency';
+import { continued, nisOf } from './consistency';
 import { isSame, joined } from './events';
 import { allSeries, append, EMPTY, type Series } from './series';
 import { extent, LIVE_MAX_S, sameWindow, type Window } from './window';
@@ -59,7 +59,7 @@ export class History {
   /** Number of times that the window was read. */
   readings = $state(0);
   /** Innovations that the service keeps, the oldest first; undefined before they are read. */
-  innovations = $state.raw<Innovation[]>();
+  innovations = $state.raw<readonly Innovation[]>();
   /** Largest number of innovations that the service keeps. */
   innovations_max = 0;
   /** Stretch of time that is displayed while a gesture goes on. */
@@ -228,8 +228,8 @@ export class History {
 
   #takeInnovation(innovation: Innovation | null | undefined): void {
     const kept = this.innovations;
-    if (!innovation || !kept || kept.at(-1)?.stamp_ns === innovation.stamp_ns) return;
-    this.innovations = [...kept, innovation].slice(-this.innovations_max);
+    if (!innovation || !kept) return;
+    this.innovations = continued(kept, innovation, this.innovations_max);
   }
 
   /**

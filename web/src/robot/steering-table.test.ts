@@ -39,8 +39,11 @@ describe('a steering table', () => {
     }
   });
 
-  it('is a file in SI units', () => {
-    const [head, first] = steeringCsv(table).split('\r\n');
+  it('is a file in SI units, with its status', () => {
+    const needs = 'turns to\nthe right';
+    const [status, head, first] = steeringCsv({ ...table, needs }).split('\n');
+    expect(status).toBe('# Status: informative. Missing: turns to the right.');
+    expect(steeringCsv(table)).toMatch(/^# Status: informative\.\n/);
     expect(head).toBe('measured_rad,true_rad,sigma_rad');
     expect(first).toBe('-0.34906585,-0.34033920,0.00174533');
   });

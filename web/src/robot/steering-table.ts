@@ -58,10 +58,13 @@ export function draw(corrections: Correction[], width: number, height: number): 
   return { line: path(dots), band: `${path(band)}Z`, dots, zero_y: y(0), most_deg };
 }
 
-/** Returns a CSV file of a table, as the agent on the robot writes it. */
-export function steeringCsv({ points }: SteeringTable): string {
+/** Returns a CSV file of a table: status, head and rows as the agent on the robot writes them. */
+export function steeringCsv({ status, needs, points }: SteeringTable): string {
+  // A comment is one line.
+  const missing = needs ? ` Missing: ${needs.replace(/\p{Cc}/gu, ' ')}.` : '';
   const rows = points.map(({ measured_rad, true_rad, sigma_rad }) =>
     [measured_rad, true_rad, sigma_rad].map((rad) => rad.toFixed(8)).join(','),
   );
-  return ['measured_rad,true_rad,sigma_rad', ...rows].join('\r\n') + '\r\n';
+  const head = [`# Status: ${status}.${missing}`, 'measured_rad,true_rad,sigma_rad'];
+  return [...head, ...rows, ''].join('\n');
 }

@@ -94,14 +94,17 @@ fn page(
     Ok(page)
 }
 
-/// Makes the answer: which values are known.
+/// Makes the answer: the values that are still to be learnt. One that the configuration fixes is not.
 fn verdict(report: &CalibrationReport) -> String {
     let open: Vec<&str> = report
         .parameters
         .iter()
         .filter(|(name, parameter)| {
             CalibrationCovariance::OF.contains(name)
-                && parameter.status != ParameterStatus::Converged
+                && matches!(
+                    parameter.status,
+                    ParameterStatus::Learning | ParameterStatus::Unobservable
+                )
         })
         .map(|(name, _)| title(name))
         .collect();
@@ -161,7 +164,7 @@ fn consistency(report: &CalibrationReport) -> String {
          noise lets expect: {:.0} on average; here {:.2} over the last {} updates. Below the shaded range \
          the noise is less than configured, which is safe; above it something moves the robot that is \
          not in the model.</p>\n",
-        escaped(&sentence_case(&fit(consistency))),
+        escaped(&fit(consistency)),
         consistency.nis_dof,
         consistency.nis_mean,
         consistency.samples,

@@ -1,7 +1,7 @@
 //! Revision of a calibration, kept for ever.
 
 use fleetcal_model::{
-    CalibrationCovariance, Motions, Pose2, RevisionId, RobotTime, SteeringTable, WallTime,
+    CalibrationCovariance, Motions, NisNoise, Pose2, RevisionId, RobotTime, SteeringTable, WallTime,
 };
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
@@ -41,6 +41,9 @@ pub struct Evidence {
     pub nis_mean: f64,
     /// Expectation of `nis_mean`.
     pub nis_dof: f64,
+    /// Noise that `nis_mean` is by; absent in evidence of older versions, which had the learnt noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nis_noise: Option<NisNoise>,
     /// Covariance of the errors of the four values. Evidence of older versions without it keeps its
     /// hash.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -65,6 +68,7 @@ impl Evidence {
             scans: estimate.counts.scans,
             nis_mean: estimate.consistency.nis_mean,
             nis_dof: estimate.consistency.nis_dof,
+            nis_noise: estimate.consistency.nis_noise(),
             covariance: estimate.covariance,
             motions: estimate.motions,
             steering_table: estimate
