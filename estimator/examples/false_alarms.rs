@@ -10,6 +10,7 @@
 #![expect(clippy::print_stdout, reason = "figures are printed")]
 
 #[path = "../tests/calibration/drawn.rs"]
+#[expect(dead_code, reason = "the tests use more of it")]
 mod drawn;
 #[path = "../tests/calibration/drive.rs"]
 #[expect(dead_code, reason = "the tests use more of it")]

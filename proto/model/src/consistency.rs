@@ -41,7 +41,7 @@ pub enum NisNoise {
     Configured,
 }
 
-/// Whether the model explains the data.
+/// Fit of the model to the data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
