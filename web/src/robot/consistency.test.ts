@@ -77,7 +77,7 @@ describe('innovations', () => {
     expect(points).toEqual({ t_s: [1], value: [10], low: [-4], high: [4] });
   });
 
-  it('begin anew where the clock went back, and keep no more than the service', () => {
+  it('begin again where the clock went back, and keep no more than the service', () => {
     const at = (...times: number[]) =>
       times
         .map((s) => innovation(s, 0))

@@ -61,7 +61,7 @@ export function nisPoints(
   return points;
 }
 
-/** Returns innovations with a new one, as the service keeps them: a clock that went back begins anew. */
+/** Returns innovations with a new one, as the service keeps them: a clock that went back begins again. */
 export function continued(
   kept: readonly Innovation[],
   next: Innovation,
