@@ -125,7 +125,7 @@ test('another robot and an earlier time stand beside it', async ({ page }) => {
   const figure = page
     .getByRole('figure')
     .filter({ has: page.getByRole('heading', { name: /^LiDAR x/ }) });
-  await expect(figure.getByText(new RegExp(`^${other}`))).toBeVisible();
+  await expect(figure.getByText(new RegExp(`${other} [+−]?\\d`))).toBeVisible();
   await figure.getByRole('button', { name: /^Show as table/ }).click();
   await expect(figure.getByRole('columnheader', { name: `${other} mm` })).toBeVisible();
   await pick.selectOption('an hour before');

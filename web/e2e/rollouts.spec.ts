@@ -23,7 +23,7 @@ test('a person plans a roll-out, starts, pauses and follows it', async ({ page }
   await page.getByLabel('Wave 1: Number').fill('0');
   await expect(plan).toBeHidden();
   await page.getByRole('button', { name: 'Show the plan' }).click();
-  await expect(page.getByRole('alert')).toContainText('Wave 1: the number of robots');
+  await expect(page.getByText('Wave 1: the number of robots must be 1 or more')).toBeVisible();
   await page.getByLabel('Wave 1: Number').fill('1');
   await page.getByRole('button', { name: 'Remove wave 2' }).click();
   await page.getByRole('button', { name: 'Show the plan' }).click();

@@ -209,7 +209,7 @@ async fn a_webhook_shows_its_secret_once_and_refuses_by_name() {
     assert!(audit.body.contains("http://127.0.0.1:9") && !audit.body.contains("/hook"));
     assert_snapshot!(post(r#"{"url": "http://127.0.0.1:9/hook"}"#).await.told(), @"409 webhook_exists [url]: url is that of webhook 1 already");
     assert_snapshot!(post(r#"{"url": "ftp://a/"}"#).await.told(), @r#"400 value_refused [url]: url: got "ftp://a/", expected an address such as https://example.org/hook"#);
-    assert_snapshot!(post(r#"{"url": "http://a/", "events": []}"#).await.told(), @r#"400 value_refused [events]: events: got "[]", expected one or more of alert.alerting, alert.resolved, proposal.waiting"#);
+    assert_snapshot!(post(r#"{"url": "http://a/", "events": []}"#).await.told(), @r#"400 value_refused [events]: events: got "[]", expected one or more of alert.alerting, alert.resolved, proposal.waiting, rollout.halted"#);
     let unknown = post(r#"{"url": "http://a/", "events": ["alert.angry"]}"#).await;
     assert!(unknown.told().contains("alert.angry"), "{}", unknown.body);
     assert_eq!(

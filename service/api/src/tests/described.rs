@@ -54,6 +54,7 @@ async fn a_robot_that_describes_itself_is_registered_by_one_request() {
     );
     let wanted = [
         "model",
+        "speed_measured_at",
         "wheelbase_m",
         "track_m",
         "streams.joints",
@@ -61,7 +62,7 @@ async fn a_robot_that_describes_itself_is_registered_by_one_request() {
         "nominal_extrinsics",
     ];
     assert_eq!(keys(&described), wanted);
-    assert_eq!(described["description"]["values"][2]["in_use"], Value::Null);
+    assert_eq!(described["description"]["values"][3]["in_use"], Value::Null);
     assert_eq!(described["proposed"]["model"], "bicycle");
     assert!((described["proposed"]["wheelbase_m"].as_f64().unwrap() - 1.2).abs() < 1e-9);
 
