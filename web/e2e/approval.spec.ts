@@ -1,6 +1,6 @@
 import { readFile } from 'node:fs/promises';
 import { another, DEMO_ROBOTS, proposal, PROPOSED_WITHIN_MS, tabTo, waiting } from './decisions';
-import { accessible, expect, openPart, test } from './fixtures';
+import { accessible, expect, openPart, test, valueCharts } from './fixtures';
 
 test.use({ as: 'approver', own: 'approval' });
 test.describe.configure({ mode: 'serial' });
@@ -203,8 +203,8 @@ test('a calibration is rolled back, with a reason, and stands among the deployme
   await row.getByRole('link').click();
   await page.getByRole('link', { name: 'Robot page', exact: true }).click();
   await openPart(page, 'History');
-  await expect(page.getByRole('figure')).toHaveCount(4);
-  await expect(page.getByRole('figure').first()).toContainText('applied');
+  await expect(valueCharts(page)).toHaveCount(4);
+  await expect(valueCharts(page).first()).toContainText('applied');
   await openPart(page, 'Overview');
   await page.getByRole('button', { name: 'Roll back' }).click();
   const dialog = page.getByRole('dialog');

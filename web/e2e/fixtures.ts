@@ -133,6 +133,11 @@ export async function sideways(page: Page): Promise<number> {
   );
 }
 
+/** Charts of the four values of a calibration; beside them may stand those of consistency. */
+export function valueCharts(page: Page) {
+  return page.getByRole('figure', { name: /^(Steering offset|LiDAR )/ });
+}
+
 /** Opens a part of the robot's page that is shown. */
 export async function openPart(page: Page, name: 'Overview' | 'Evidence' | 'History' | 'Raw') {
   const parts = page.getByRole('navigation', { name: 'Parts of this page' });

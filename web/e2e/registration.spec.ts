@@ -1,4 +1,4 @@
-import { accessible, expect, openPart, test } from './fixtures';
+import { accessible, expect, openPart, test, valueCharts } from './fixtures';
 
 test.use({ command: 'serve' });
 
@@ -38,7 +38,7 @@ test('a robot that nobody knows is given its vehicle, by keyboard alone', async 
   await wheelbase.fill('1,2');
   await wheelbase.press('Enter');
   await openPart(page, 'History');
-  await expect(page.getByRole('figure')).toHaveCount(4);
+  await expect(valueCharts(page)).toHaveCount(4);
   await expect(page.getByText('bicycle, wheelbase 1.200 m')).toBeVisible();
   // The first estimate comes within a minute of driving.
   const slider = page.getByRole('slider').first();

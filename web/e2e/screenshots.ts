@@ -1,7 +1,7 @@
 /** Pictures for the documentation, made from the running demo. */
 
 import { PROPOSED_WITHIN_MS, waiting } from './decisions';
-import { expect, test } from './fixtures';
+import { expect, test, valueCharts } from './fixtures';
 
 test.use({ as: 'approver', rate: 1 });
 
@@ -23,7 +23,7 @@ test('the main pages', async ({ page, browser, service }) => {
 
   await page.setViewportSize({ width: 1440, height: 900 });
   await page.goto(`/approvals/${third?.id}`);
-  await expect(page.getByRole('figure')).toHaveCount(4);
+  await expect(valueCharts(page)).toHaveCount(4);
   const slider = page.getByRole('slider').last();
   await expect
     .poll(async () => Number(await slider.getAttribute('aria-valuemax')))

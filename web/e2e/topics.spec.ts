@@ -1,4 +1,4 @@
-import { accessible, expect, openPart, test } from './fixtures';
+import { accessible, expect, openPart, test, valueCharts } from './fixtures';
 
 test.use({ command: 'serve', own: 'topics' });
 
@@ -30,7 +30,7 @@ test('a ROS 2 robot that announces its topics is given them, and is calibrated',
   await page.getByRole('button', { name: 'Start calibration' }).click();
 
   await openPart(page, 'History');
-  await expect(page.getByRole('figure')).toHaveCount(4);
+  await expect(valueCharts(page)).toHaveCount(4);
   await expect(page.getByText('bicycle, wheelbase 1.200 m')).toBeVisible();
   // The first estimate comes within a minute of driving.
   const slider = page.getByRole('slider').first();

@@ -1,6 +1,6 @@
 import type { Page } from '@playwright/test';
 import { DEMO_ROBOTS, PROPOSED_WITHIN_MS, waiting, type Proposal } from './decisions';
-import { accessible, expect, test } from './fixtures';
+import { accessible, expect, test, valueCharts } from './fixtures';
 
 // Slowly enough for a deployment to be seen on two pages while it is verified.
 test.use({ as: 'approver', own: 'trust', rate: 2 });
@@ -33,7 +33,7 @@ function drawn(page: Page): Promise<number> {
 test('a single bucket of history is drawn', async ({ page }) => {
   const [first] = await waiting(page.request, 1);
   await page.goto(`/robots/${first?.robot}?range=5y`);
-  await expect(page.getByRole('figure')).toHaveCount(4);
+  await expect(valueCharts(page)).toHaveCount(4);
   const slider = page.getByRole('slider').first();
   await expect(slider).toHaveAttribute('aria-label', / 1 points\.$/);
   expect(await drawn(page)).toBeGreaterThan(15);
