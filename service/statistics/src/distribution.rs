@@ -38,6 +38,20 @@ impl Distribution {
     }
 }
 
+impl Distribution {
+    /// The same distribution with all values larger by `by`.
+    pub(crate) fn moved(self, by: f64) -> Self {
+        Self {
+            robots: self.robots,
+            smallest: self.smallest + by,
+            lower_quartile: self.lower_quartile + by,
+            median: self.median + by,
+            upper_quartile: self.upper_quartile + by,
+            largest: self.largest + by,
+        }
+    }
+}
+
 /// Value that a share of sorted values lies below, interpolated between its neighbours.
 fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let place = share * sorted.len().checked_sub(1)? as f64;

@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use fleetcal_domain::approval::RobotLedger;
 use fleetcal_domain::deviation::Deviation;
 use fleetcal_domain::robot::RobotView;
-use fleetcal_model::Parameter;
+use fleetcal_model::{Parameter, Unit};
 use serde::Serialize;
 
 use crate::distribution::Distribution;
-use crate::population::{FOUR, Grouping, Robot, values};
+use crate::population::{FOUR, Grouping, Robot, values, wrapped};
 
 /// Robot with how far its calibration in use is from what it estimates.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,7 +102,12 @@ fn known(
 ) -> Option<(&'static str, Distribution)> {
     let robots: Vec<&Robot> = members.iter().map(|one| &one.robot).collect();
     let distribution = Distribution::of(values(&robots, at))?;
-    Some((parameter.name(), distribution))
+    // The median of angles lies between -pi and pi, the others beside it.
+    let turns = match parameter.unit() {
+        Unit::Radian => wrapped(distribution.median) - distribution.median,
+        _ => 0.0,
+    };
+    Some((parameter.name(), distribution.moved(turns)))
 }
 
 #[cfg(test)]
@@ -154,5 +159,25 @@ mod tests {
         assert_eq!(all.deviation_tolerances.map(|one| one.robots), Some(2));
         let names: Vec<_> = all.parameters.keys().copied().collect();
         assert_eq!(names, ["steering_offset"]);
+    }
+
+    #[test]
+    fn the_median_of_yaws_beside_pi_is_an_angle_and_the_others_lie_beside_it() {
+        let yaws = [3.13, -3.13, -3.12, -3.11];
+        let members: Vec<Member> = (1..)
+            .zip(yaws)
+            .map(|(number, value)| {
+                let mut member = member(number, &[], None);
+                let known = Known {
+                    value,
+                    sigma: 0.001,
+                };
+                member.robot.values[3] = Some(known);
+                member
+            })
+            .collect();
+        let yaw = groups(&members, Grouping::Type)[0].parameters["lidar_yaw"];
+        assert!((yaw.median + 3.125).abs() < 1e-9, "{yaw:?}");
+        assert!(yaw.largest - yaw.smallest < 0.05, "{yaw:?}");
     }
 }

@@ -48,8 +48,8 @@ export function nisOf(answer: Pick<HistoryDocument, 'bucket_s' | 'time' | 'count
 }
 
 /**
- * Returns NIS with its range of right values. Without a range there is none: that of an estimate holds for
- * single means over its window, not for means of several of them.
+ * Returns NIS with the range that right models give. An estimate's range is that of one mean over its
+ * window; means of several windows spread less, so they are given without a range.
  */
 export function nisPoints(
   { t_s, nis }: { t_s: readonly number[]; nis: readonly number[] },

@@ -21,7 +21,7 @@ export interface EventMark {
 
 /** Line of another robot or time, in shown units. */
 export interface OtherLine {
-  /** Points, oldest first; null where there is none. */
+  /** Points, oldest first; the value is null where nothing is known. */
   points: readonly { t_s: number; value: number | null }[];
   word: string;
 }
