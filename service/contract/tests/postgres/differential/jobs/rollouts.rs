@@ -44,9 +44,10 @@ impl Run<'_> {
             return Ok(());
         };
         let events = [Event::Pause, Event::Halt, Event::BeginWave, Event::Finish];
-        let event = match self.chance.random_bool(0.3) {
-            true => Event::Resume(before.counts(&robots)),
-            false => events[pick(&mut self.chance, &[0, 1, 2, 3])].clone(),
+        let event = if self.chance.random_bool(0.3) {
+            Event::Resume(before.counts(&robots))
+        } else {
+            events[pick(&mut self.chance, &[0, 1, 2, 3])].clone()
         };
         let changed = Changed {
             by: words(&mut self.chance),
